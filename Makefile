@@ -1,0 +1,66 @@
+# Nacre's commands: `make help` lists them.
+
+# Any Python from 3.9 finds the right ones and makes the virtual environments.
+BOOTSTRAP := $(shell for python in python3 python3.13 python3.11 /usr/bin/python3; do \
+	"$$python" -c 'import sys; sys.exit(sys.version_info < (3, 9))' 2>/dev/null \
+		&& { echo "$$python"; break; }; done)
+PYTHON := .venv/bin/python
+CLANG_FORMAT := .venv/bin/clang-format
+NATIVE_FILES := $(shell find native -name build -prune -o -name '*.[ch]pp' -print 2>/dev/null)
+# What a studio tool may use without Blender, and what builds it all.
+TYPED := $(wildcard addon/errors.py addon/cli.py addon/datasets addon/models addon/tables) tools
+NATIVE_TESTS := build/native-tests
+
+.DEFAULT_GOAL := help
+.PHONY: help setup missing-packages demo test lint test-native test-python acceptance bench \
+	extension format clean
+# Folders of other projects would shadow ours.
+unexport PYTHONPATH
+
+help: ## Show this list
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 20
+
+setup: ## Make .venv, and .venv-311 where both Pythons are there (the others do this first)
+	@$(or $(BOOTSTRAP),python3) -m tools.setup
+
+missing-packages: # Print the system packages that setup would ask for
+	@$(or $(BOOTSTRAP),python3) -m tools.setup --missing-packages
+
+demo: setup ## Compress a measured material and render it with EEVEE and Cycles into out/demo
+	@$(PYTHON) -m tools.demo
+
+test: lint test-native test-python ## Run every check and test
+
+lint: setup ## Check style and types
+	$(PYTHON) -m ruff check .
+	$(PYTHON) -m ruff format --check .
+	$(CLANG_FORMAT) --dry-run -Werror $(NATIVE_FILES)
+	$(PYTHON) -m mypy $(TYPED)
+
+test-native: setup ## Build and run the C++ tests
+	$(PYTHON) -m cmake -S native -B $(NATIVE_TESTS) -G Ninja -DNACRE_TESTS=ON \
+		-DCMAKE_MAKE_PROGRAM="$(CURDIR)/.venv/bin/ninja" -DPython_EXECUTABLE="$(CURDIR)/$(PYTHON)"
+	$(PYTHON) -m cmake --build $(NATIVE_TESTS)
+	CTEST_OUTPUT_ON_FAILURE=1 $(PYTHON) -m cmake --build $(NATIVE_TESTS) --target test
+
+test-python: setup ## Run the Python tests in each environment
+	@if [ -d .venv-311 ]; then .venv-311/bin/python -m pytest; fi
+	@$(PYTHON) -m pytest
+
+acceptance: setup ## Run the long tests that `make test` leaves out
+	$(PYTHON) -m pytest -m acceptance
+
+bench: setup ## Run every benchmark
+	@for file in benchmarks/[!_]*.py; do $(PYTHON) -m "benchmarks.$$(basename "$$file" .py)" || exit; done
+
+# EXTRA_WHEELS is a folder with wheels of native/ built elsewhere, for Pythons that are not here.
+extension: setup ## Build dist/nacre-VERSION.zip
+	@$(PYTHON) -m tools.extension $(if $(EXTRA_WHEELS),"$(EXTRA_WHEELS)")
+
+format: setup ## Rewrite the sources in the project's style
+	$(PYTHON) -m ruff check --fix-only --quiet .
+	$(PYTHON) -m ruff format .
+	$(CLANG_FORMAT) -i $(NATIVE_FILES)
+
+clean: ## Remove what was built, but not the virtual environments
+	rm -rf build dist out .hypothesis .mypy_cache .pytest_cache .ruff_cache

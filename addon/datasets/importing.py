@@ -1,0 +1,100 @@
+"""Any supported file of measured appearance to a dataset folder."""
+
+import os
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from ..errors import Cancelled, NacreError
+from . import btf, ubo2003
+from .dataset import DESCRIPTION, Dataset, DatasetWriter, HalfOverflowError, open_dataset
+from .source import Source
+
+# A reader is a module with FORMAT, EXTENSIONS, matches(path) -> bool, which looks at the content,
+# and open_source(path, cosine) -> Source.
+READERS = {reader.FORMAT: reader for reader in (btf, ubo2003)}
+
+Progress = Callable[[float, str], bool]
+
+
+def detect_format(source: str | Path) -> str:
+    """The name of the reader for a file or folder, by its content.
+
+    A damaged file that no reader knows goes to the reader of its extension, whose error says more.
+    """
+    path = Path(source)
+    if not os.path.exists(path):
+        raise NacreError(f"there is no file {path}")
+    if os.path.isfile(path / DESCRIPTION):
+        raise NacreError(f"{path} is a Nacre dataset already: it needs no import")
+    for name, reader in READERS.items():
+        if reader.matches(path):
+            return name
+    for name, reader in READERS.items():
+        if path.suffix.lower() in reader.EXTENSIONS:
+            return name
+    raise NacreError(f"{path.name} is of no known format ({', '.join(READERS)})")
+
+
+def describe_source(
+    source: str | Path, *, format: str | None = None, cosine: int | None = None
+) -> dict[str, Any]:
+    """What a file holds and what importing it would do, JSON-able, without importing it."""
+    return _open_source(source, format, cosine).summary()
+
+
+def import_dataset(
+    source: str | Path,
+    destination: str | Path,
+    *,
+    format: str | None = None,
+    cosine: int | None = None,
+    progress: Progress | None = None,
+) -> Dataset:
+    """Read a measured BTF into the dataset folder `destination` and open it.
+
+    `format` is a name in READERS, found out when None. `cosine` says whether the file's values
+    include cos(theta_light): 1 leaves them, 0 multiplies, None does what the file says.
+    Raises NacreError for anything wrong with the file or the disk, Cancelled when `progress`
+    answers False; then nothing is left of the dataset, and an older one there is untouched.
+    """
+    opened = _open_source(source, format, cosine)
+    try:
+        _write(opened, destination, opened.dtype, progress)
+    except HalfOverflowError:
+        # Known only once the value is decoded, and rare: start again in single precision.
+        _write(opened, destination, np.float32, progress)
+    return open_dataset(destination)
+
+
+def _open_source(source: str | Path, format: str | None, cosine: int | None) -> Source:
+    if cosine not in (None, 0, 1):
+        raise NacreError(f"cosine must be 0 or 1, not {cosine}")
+    if format is None:
+        format = detect_format(source)
+    elif format not in READERS:
+        raise NacreError(f"there is no format {format}: choose from {', '.join(READERS)}")
+    elif not os.path.exists(source):
+        raise NacreError(f"there is no file {source}")
+    return READERS[format].open_source(Path(source), cosine)
+
+
+def _write(
+    source: Source, destination: str | Path, dtype: DTypeLike, progress: Progress | None
+) -> None:
+    message = f"Reading {source.path.name}"
+    _report(progress, 0.0, message)
+    writer = DatasetWriter(destination, source.description(), source.shape, dtype)
+    with writer, closing(source.blocks()) as blocks:
+        for block in blocks:
+            writer.write(block)
+            _report(progress, writer.fraction, message)
+
+
+def _report(progress: Progress | None, fraction: float, message: str) -> None:
+    if progress is not None and not progress(fraction, message):
+        raise Cancelled

@@ -1,0 +1,43 @@
+"""How far samples are from others: the measures of the tensor papers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import inf, log10
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def compare_blocks(
+    pairs: Iterable[tuple[NDArray[np.floating], NDArray[np.floating]]], peak: float | None = None
+) -> dict[str, float | None]:
+    """Compare reference blocks with approximations of the same shapes, one pair at a time.
+
+    Returns snr_db = 10 log10(sum A^2 / sum (A - B)^2), psnr_db against `peak` (max |A| when None),
+    mse and max_abs; a ratio over no error at all is None, as JSON has no infinity.
+    """
+    energy = error = largest = highest = 0.0
+    count = 0
+    for a, b in pairs:
+        reference = np.asarray(a, np.float64)
+        difference = reference - b
+        energy += float(np.vdot(reference, reference))
+        error += float(np.vdot(difference, difference))
+        largest = max(largest, float(np.abs(difference).max(initial=0.0)))
+        highest = max(highest, float(np.abs(reference).max(initial=0.0)))
+        count += reference.size
+    mse = error / max(count, 1)
+    top = highest if peak is None else peak
+    return {
+        "snr_db": _decibels(energy, error),
+        "psnr_db": _decibels(top**2, mse),
+        "mse": mse,
+        "max_abs": largest,
+    }
+
+
+def _decibels(signal: float, noise: float) -> float | None:
+    if noise == 0.0:
+        return None
+    return 10.0 * log10(signal / noise) if signal > 0.0 else -inf

@@ -1,0 +1,120 @@
+"""What a file is, for people: lines of a name and a value, cheap to draw and to keep."""
+
+import math
+import os
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+
+from .datasets.dataset import Dataset, open_dataset
+from .datasets.importing import describe_source
+from .datasets.source import BLOCK_BYTES
+from .errors import NacreError
+
+METHODS = {"nsvd": "N-SVD", "cta": "CTA", "kcta": "K-CTA"}
+
+
+def parse_facts(facts: str) -> list[tuple[str, str]]:
+    """The (name, value) pairs of a text that this module made; a problem has no name."""
+    return [(name, value) for name, _, value in (row.partition("\t") for row in facts.split("\n"))]
+
+
+def dataset_facts(path: str) -> str:
+    """Directions, texels and size of a dataset folder, or what is wrong with it."""
+
+    def describe() -> dict[str, str]:
+        dataset = open_dataset(path)
+        lights, views, height, width, _ = dataset.shape
+        return {
+            "Directions": _directions(lights, views),
+            "Texels": f"{width} × {height}",
+            "Size": size_text(dataset.samples.nbytes),
+        }
+
+    return _facts(describe, path)
+
+
+def model_facts(path: str) -> str:
+    """Method, size, ratio and SNR of a model file, or what is wrong with it."""
+
+    def describe() -> dict[str, str]:
+        from .models.exr import load_model
+
+        model = load_model(path)
+        size = os.path.getsize(path)
+        rows = {
+            "Method": METHODS.get(str(model.fit.get("method")), "Clustered Tucker"),
+            "Size": f"{size_text(size)} (1 : {round(4 * math.prod(model.shape) / size)})",
+        }
+        if "snr_db" in model.fit:
+            rows["SNR"] = f"{model.fit['snr_db']:.1f} dB"
+        return rows
+
+    return _facts(describe, path)
+
+
+def source_facts(path: str, cosine: int | None) -> str:
+    """What importing a measured file would give, or what is wrong with it; cached by its date."""
+    try:
+        status = os.stat(path)
+    except OSError:
+        return ""
+    return _source_facts(path, cosine, status.st_mtime_ns, status.st_size)
+
+
+@lru_cache(maxsize=64)
+def _source_facts(path: str, cosine: int | None, _changed: int, _size: int) -> str:
+    def describe() -> dict[str, str]:
+        source = describe_source(path, cosine=cosine)
+        samples = source["samples_bytes"]
+        return {
+            "Directions": _directions(source["light"], source["view"]),
+            "Texels": f"{source['width']} × {source['height']}",
+            "File": size_text(source["bytes"]),
+            "Dataset": size_text(samples),
+            "Memory": f"about {size_text(4 * min(samples, BLOCK_BYTES))}",
+        }
+
+    return _facts(describe, path)
+
+
+def largest_model(dataset: Dataset, settings: dict[str, dict[str, int]]) -> str:
+    """The most that `compress` with these settings would save; the file is packed without loss.
+
+    Halves for core and bases, and a number for each item's clusters; the light basis is shared.
+    """
+    lights, views, height, width, channels = dataset.shape
+    rows = {"light": channels * lights, "view": views, "y": height, "x": width}
+    clusters = math.prod(settings.get("clusters", {}).values())
+    mixtures = math.prod(settings.get("mixtures", {}).values())
+    owners = {"light": 1, "view": mixtures, "y": clusters, "x": clusters}
+    ranks = settings["ranks"]
+    halves = clusters * math.prod(ranks.values())
+    halves += sum(owners[mode] * rows[mode] * ranks[mode] for mode in rows)
+    size = 2 * halves + 4 * views * mixtures
+    return f"{size_text(size)} (1 : {round(dataset.raw_bytes / size)})"
+
+
+def size_text(size: float) -> str:
+    """Bytes with three digits: 0.33 MB, 161 MB, 2.41 GB (of 10^9 bytes)."""
+    if size >= 1e9:
+        return f"{size / 1e9:#.3g} GB".replace(". ", " ")
+    if size >= 1e6:
+        return f"{size / 1e6:#.3g} MB".replace(". ", " ")
+    return f"{max(size, 1) / 1e3:.0f} kB"
+
+
+def _directions(lights: int, views: int) -> str:
+    return f"{lights} lights × {views} views"
+
+
+def _facts(describe: Callable[[], dict[str, str]], path: str) -> str:
+    """Rows as one text; a NacreError, or a missing package, as one row without a name."""
+    if not path:
+        return ""
+    try:
+        rows = describe()
+    except (NacreError, ImportError, OSError) as error:
+        # The path is on display already, and a panel is narrow.
+        return "\t" + str(error).replace(f"{path}: ", "").replace(path, Path(path).name)
+    return "\n".join(f"{name}\t{value}" for name, value in rows.items())

@@ -1,0 +1,1 @@
+"""Shader node groups that evaluate the tables, the same in EEVEE and Cycles."""

@@ -1,0 +1,121 @@
+"""A small way to write shader node trees as arithmetic.
+
+    g = Graph(tree)
+    u, v = g.separate(uv)[:2]
+    g.combine(u * 2.0 + 0.5, v, 0.0)
+
+Every operator adds one node and links it; nothing is simplified behind the writer's back, except
+that constants stay unlinked socket values.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+
+Operand = "Wire | float | tuple[float, float, float]"
+
+
+@dataclass(frozen=True)
+class Wire:
+    """An output socket that takes part in arithmetic; scalar or vector by its socket's type."""
+
+    graph: Graph
+    socket: bpy.types.NodeSocket
+
+    @property
+    def is_vector(self) -> bool:
+        return self.socket.type in {"VECTOR", "RGBA"}
+
+    def __add__(self, other: Operand) -> Wire:
+        return self.graph.operate("ADD", self, other)
+
+    def __sub__(self, other: Operand) -> Wire:
+        return self.graph.operate("SUBTRACT", self, other)
+
+    def __rsub__(self, other: Operand) -> Wire:
+        return self.graph.operate("SUBTRACT", other, self)
+
+    def __mul__(self, other: Operand) -> Wire:
+        return self.graph.operate("MULTIPLY", self, other)
+
+    def __truediv__(self, other: Operand) -> Wire:
+        return self.graph.operate("DIVIDE", self, other)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+
+class Graph:
+    """Writes nodes into one tree, in a row from left to right."""
+
+    def __init__(self, tree: bpy.types.NodeTree) -> None:
+        self.tree = tree
+
+    def node(self, kind: str, *operands: Operand, **properties: object) -> bpy.types.Node:
+        """A node of a type with its properties set and its first inputs connected."""
+        node = self.tree.nodes.new(kind)
+        for name, value in properties.items():
+            setattr(node, name, value)
+        for socket, operand in zip(node.inputs, operands, strict=False):
+            self.connect(operand, socket)
+        count = len(self.tree.nodes)
+        node.location = (count // 16 * 200.0, -(count % 16) * 60.0)
+        node.hide = True
+        return node
+
+    def connect(self, operand: Operand, socket: bpy.types.NodeSocket) -> None:
+        """Link a wire to a socket, or set its value to a constant."""
+        if isinstance(operand, Wire):
+            self.tree.links.new(operand.socket, socket)
+        elif isinstance(operand, bpy.types.NodeSocket):
+            self.tree.links.new(operand, socket)
+        else:
+            socket.default_value = operand
+
+    def wire(self, node: bpy.types.Node, output: int | str = 0) -> Wire:
+        return Wire(self, node.outputs[output])
+
+    def operate(self, operation: str, *operands: Operand) -> Wire:
+        """One Math or Vector Math node, vector when any operand is; scalars spread over vectors."""
+        vector = any(isinstance(o, tuple) or (isinstance(o, Wire) and o.is_vector) for o in operands)
+        if vector and operation == "MULTIPLY":
+            scalars = [o for o in operands if not isinstance(o, tuple) and not _is_vector(o)]
+            if len(scalars) == 1:
+                (vectors,) = [o for o in operands if o is not scalars[0]]
+                node = self.node("ShaderNodeVectorMath", operation="SCALE")
+                self.connect(vectors, node.inputs[0])
+                self.connect(scalars[0], node.inputs["Scale"])
+                return self.wire(node)
+        if vector:
+            operands = tuple((o, o, o) if isinstance(o, (int, float)) else o for o in operands)
+            return self.wire(self.node("ShaderNodeVectorMath", *operands, operation=operation))
+        return self.wire(self.node("ShaderNodeMath", *operands, operation=operation))
+
+    def math(self, operation: str, *operands: Operand) -> Wire:
+        """A Math node by its operation's name."""
+        return self.wire(self.node("ShaderNodeMath", *operands, operation=operation))
+
+    def dot(self, a: Operand, b: Operand) -> Wire:
+        node = self.node("ShaderNodeVectorMath", a, b, operation="DOT_PRODUCT")
+        return self.wire(node, "Value")
+
+    def cross(self, a: Operand, b: Operand) -> Wire:
+        return self.wire(self.node("ShaderNodeVectorMath", a, b, operation="CROSS_PRODUCT"))
+
+    def normalize(self, a: Operand) -> Wire:
+        return self.wire(self.node("ShaderNodeVectorMath", a, operation="NORMALIZE"))
+
+    def length(self, a: Operand) -> Wire:
+        return self.wire(self.node("ShaderNodeVectorMath", a, operation="LENGTH"), "Value")
+
+    def separate(self, a: Operand) -> tuple[Wire, Wire, Wire]:
+        node = self.node("ShaderNodeSeparateXYZ", a)
+        return self.wire(node, 0), self.wire(node, 1), self.wire(node, 2)
+
+    def combine(self, x: Operand, y: Operand, z: Operand = 0.0) -> Wire:
+        return self.wire(self.node("ShaderNodeCombineXYZ", x, y, z))
+
+
+def _is_vector(operand: Operand) -> bool:
+    return isinstance(operand, Wire) and operand.is_vector

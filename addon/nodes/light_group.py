@@ -1,0 +1,141 @@
+"""The node group that turns a light object's properties into direction and radiance, and the
+drivers that keep them in step with the object without script permission."""
+
+from __future__ import annotations
+
+from math import pi
+
+import bpy
+
+from .graph import Graph, Wire
+
+NAME = "Nacre Light"
+KINDS = {"POINT": 0.0, "SUN": 1.0, "SPOT": 2.0}  # Blender's own numbers, which a driver reads
+SOCKETS: tuple[tuple[str, str, object, str], ...] = (
+    ("Kind", "Float", KINDS["SUN"], "Point 0, sun 1, spot 2"),
+    ("Location", "Vector", (0.0, 0.0, 0.0), "World position in metres"),
+    ("Rotation W", "Float", 1.0, "World rotation, real part of the quaternion"),
+    ("Rotation", "Vector", (0.0, 0.0, 0.0), "World rotation, imaginary part of the quaternion"),
+    ("Colour", "Color", (1.0, 1.0, 1.0, 1.0), "Linear colour with temperature"),
+    ("Strength", "Float", pi, "Sun: irradiance in W/m2; point and spot: power in W"),
+    ("Spot Size", "Float", pi / 4, "Full angle of the cone"),
+    ("Spot Blend", "Float", 0.15, "Softness of the cone's edge, 0 to 1"),
+)
+
+
+def light_group() -> bpy.types.ShaderNodeTree:
+    """The group, made at first use: a light's properties -> Direction (world), Radiance.
+
+    Radiance is that of a white perfect diffuser lit head-on at the shading point.
+    """
+    if NAME in bpy.data.node_groups:
+        return bpy.data.node_groups[NAME]
+    tree = bpy.data.node_groups.new(NAME, "ShaderNodeTree")
+    for label, kind, value, tip in SOCKETS:
+        socket = tree.interface.new_socket(
+            label, in_out="INPUT", socket_type=f"NodeSocket{kind}"
+        )
+        socket.default_value, socket.description = value, tip
+    tree.interface.new_socket("Direction", in_out="OUTPUT", socket_type="NodeSocketVector")
+    tree.interface.new_socket("Radiance", in_out="OUTPUT", socket_type="NodeSocketColor")
+
+    g = Graph(tree)
+    inputs = g.node("NodeGroupInput")
+    kind, location, w, xyz, colour, strength, spot_size, spot_blend = (
+        g.wire(inputs, label) for label, *_ in SOCKETS
+    )
+    is_sun = g.math("COMPARE", kind, KINDS["SUN"], 0.5)
+    is_spot = g.math("COMPARE", kind, KINDS["SPOT"], 0.5)
+
+    # The light's own +z axis, which points away from where it shines.
+    x, y, z = g.separate(xyz)
+    axis = g.combine(
+        (x * z + w * y) * 2.0,
+        (y * z - w * x) * 2.0,
+        g.operate("SUBTRACT", 1.0, (x * x + y * y) * 2.0),
+    )
+    position = g.wire(g.node("ShaderNodeNewGeometry"), "Position")
+    towards = location - position
+    square = g.math("MAXIMUM", g.dot(towards, towards), 1e-12)
+    direction = axis * is_sun + g.normalize(towards) * g.operate("SUBTRACT", 1.0, is_sun)
+
+    # Power spreads over the sphere, then pi again from irradiance to a diffuser's radiance.
+    falloff = g.operate("DIVIDE", 1.0 / (4.0 * pi**2), square)
+    sun, other = is_sun * (1.0 / pi), g.operate("SUBTRACT", 1.0, is_sun) * falloff
+    cone = _cone(g, g.dot(direction, axis), spot_size, spot_blend)
+    inside = (cone - 1.0) * is_spot + 1.0
+    radiance = colour * ((sun + other) * inside * strength)
+    g.node("NodeGroupOutput", direction, radiance)
+    return tree
+
+
+def _cone(g: Graph, cosine: Wire, size: Wire, blend: Wire) -> Wire:
+    """Cycles' and EEVEE's smooth step from the cone's edge inwards."""
+    edge = g.math("COSINE", size * 0.5)
+    width = g.math("MAXIMUM", g.operate("SUBTRACT", 1.0, edge) * blend, 1e-4)
+    step = g.node("ShaderNodeMath", (cosine - edge) / width, operation="ADD", use_clamp=True)
+    t = g.wire(step)
+    step.inputs[1].default_value = 0.0
+    return t * t * g.operate("SUBTRACT", 3.0, t * 2.0)
+
+
+def drive_light(node: bpy.types.ShaderNodeGroup, light: bpy.types.Object | None) -> None:
+    """Drive a light group node's inputs from a light object; None leaves them as they are now."""
+    for socket in node.inputs:
+        vector = socket.type in {"VECTOR", "RGBA"}
+        for index in range(len(socket.default_value)) if vector else (-1,):
+            socket.driver_remove("default_value", index)
+    if light is None:
+        return
+    inputs = node.inputs
+    _drive(inputs["Kind"], -1, "v", v=_property(light, "data.type"))
+    for index, axis in enumerate("XYZ"):
+        _drive(inputs["Location"], index, "v", v=_transform(light, f"LOC_{axis}"))
+        _drive(inputs["Rotation"], index, "v", v=_transform(light, f"ROT_{axis}"))
+        _drive(
+            inputs["Colour"],
+            index,
+            "c * (1 + u * (t - 1))",
+            c=_property(light, f"data.color[{index}]"),
+            u=_property(light, "data.use_temperature"),
+            t=_property(light, f"data.temperature_color[{index}]"),
+        )
+    _drive(inputs["Rotation W"], -1, "v", v=_transform(light, "ROT_W"))
+    _drive(
+        inputs["Strength"],
+        -1,
+        "e * pow(2, x)",
+        e=_property(light, "data.energy"),
+        x=_property(light, "data.exposure"),
+    )
+    for label, path in (("Spot Size", "data.spot_size"), ("Spot Blend", "data.spot_blend")):
+        _drive(inputs[label], -1, "v", v=_property(light, path))
+
+
+def _property(light: bpy.types.Object, path: str) -> dict[str, object]:
+    # Only a spot has the cone's properties, and a light may become one later.
+    return {"id": light, "data_path": path, "use_fallback_value": True, "fallback_value": 0.0}
+
+
+def _transform(light: bpy.types.Object, channel: str) -> dict[str, object]:
+    return {
+        "id": light,
+        "transform_type": channel,
+        "transform_space": "WORLD_SPACE",
+        "rotation_mode": "QUATERNION",
+    }
+
+
+def _drive(
+    socket: bpy.types.NodeSocket, index: int, expression: str, **variables: dict[str, object]
+) -> None:
+    """One driver on a socket's value; the expression must be of the simple kind, which needs no
+    permission to run scripts."""
+    driver = socket.driver_add("default_value", index).driver
+    for name, settings in variables.items():
+        variable = driver.variables.new()
+        variable.name = name
+        variable.type = "TRANSFORMS" if "transform_type" in settings else "SINGLE_PROP"
+        for key, value in settings.items():
+            setattr(variable.targets[0], key, value)
+    driver.expression = expression

@@ -1,0 +1,12 @@
+"""One file for each thing a user does."""
+
+from . import cancel, compress, create_material, import_btf
+
+CLASSES = (
+    import_btf.NACRE_OT_import_btf,
+    import_btf.NACRE_FH_btf,
+    compress.NACRE_OT_compress,
+    create_material.NACRE_OT_create_material,
+    cancel.NACRE_OT_cancel,
+)
+draw_import_menu = import_btf.draw_import_menu

@@ -1,0 +1,50 @@
+"""A dataset to a model, with the method and quality chosen in the panel."""
+
+from pathlib import Path
+
+import bpy
+
+from ..datasets.dataset import open_dataset
+from ..errors import NacreError
+from ..facts import parse_facts
+from ..jobs import JobOperator, Progress, Work
+from .ready import is_ready
+
+
+class NACRE_OT_compress(JobOperator, bpy.types.Operator):
+    """Fit a model to the dataset and save it"""
+
+    bl_idname = "nacre.compress"
+    bl_label = "Compress"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not context.scene.nacre.dataset:
+            cls.poll_message_set("Import a BTF or choose a dataset first")
+            return False
+        return is_ready(cls)
+
+    def prepare(self, context: bpy.types.Context) -> Work:
+        from ..models.exr import save_model
+        from ..models.fit import compress, quality_settings
+
+        chosen = context.scene.nacre
+        dataset = open_dataset(bpy.path.abspath(chosen.dataset))
+        method = chosen.method.lower()
+        settings = quality_settings(dataset, method, chosen.quality)
+        output = Path(bpy.path.abspath(chosen.output) or dataset.path.with_suffix(".exr"))
+        if output.suffix.lower() != ".exr":
+            raise NacreError(f"{output.name}: the name of a model ends in .exr")
+
+        def work(progress: Progress) -> Path:
+            save_model(compress(dataset, method, **settings, progress=progress), output)
+            return output
+
+        return work
+
+    def finish(self, context: bpy.types.Context, result: Path) -> None:
+        chosen = context.scene.nacre
+        chosen.model = str(result)
+        facts = ", ".join(f"{name} {value}" for name, value in parse_facts(chosen.model_facts))
+        self.report({"INFO"}, f"Saved {result.name}: {facts}")

@@ -1,0 +1,79 @@
+"""A model to a material on the selected objects."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..jobs import JobOperator, Progress, Work
+from ..properties import first_light
+from .ready import is_ready
+
+
+class NACRE_OT_create_material(JobOperator, bpy.types.Operator):
+    """Make a material that shows the model, on the selected meshes"""
+
+    bl_idname = "nacre.create_material"
+    bl_label = "Create Material"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not context.scene.nacre.model:
+            cls.poll_message_set("Compress a dataset or choose a model first")
+            return False
+        return is_ready(cls)
+
+    def prepare(self, context: bpy.types.Context) -> Work:
+        from ..models.exr import load_model
+        from ..tables.tables import build_tables
+
+        path = Path(bpy.path.abspath(context.scene.nacre.model))
+        self._name = path.stem
+
+        def work(progress: Progress) -> Any:
+            progress(0.0, "Reading the model")
+            return build_tables(load_model(path), progress=progress)
+
+        return work
+
+    def finish(self, context: bpy.types.Context, result: Any) -> None:
+        from ..nodes.material import material_from_tables
+
+        chosen = context.scene.nacre
+        light = chosen.light or first_light(context.scene)
+        material = material_from_tables(result, self._name)
+        material.nacre.light = chosen.light = light
+        meshes = _target_meshes(context)
+        for item in meshes:
+            item.active_material = material
+        _report(self, material, meshes, light)
+
+
+def _target_meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """The selected meshes that may be changed."""
+    return [
+        item
+        for item in context.view_layer.objects.selected
+        if item.type == "MESH" and item.is_editable and item.data.is_editable
+    ]
+
+
+def _report(
+    operator: bpy.types.Operator,
+    material: bpy.types.Material,
+    meshes: list[bpy.types.Object],
+    light: bpy.types.Object | None,
+) -> None:
+    """Say what came of it, and what is still missing for a picture."""
+    flat = [item.name for item in meshes if not item.data.uv_layers]
+    if flat:
+        names = ", ".join(flat)
+        operator.report({"WARNING"}, f"No UV map on {names}: unwrap it to see the material")
+    elif light is None:
+        operator.report({"WARNING"}, "No sun, point or spot in the scene: add one and pick it")
+    elif meshes:
+        names = ", ".join(item.name for item in meshes)
+        operator.report({"INFO"}, f"Made the material {material.name} on {names}")
+    else:
+        operator.report({"INFO"}, f"Made the material {material.name}; no mesh is selected")

@@ -1,0 +1,134 @@
+"""A measured BTF to a dataset: from the File menu, by drag and drop, from the panel."""
+
+import tempfile
+from pathlib import Path
+
+import bpy
+from bpy.props import EnumProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
+
+from ..datasets.dataset import Dataset
+from ..datasets.importing import import_dataset
+from ..errors import NacreError
+from ..facts import source_facts
+from ..jobs import JobOperator, Progress, Work
+from ..panels.layout import draw_facts
+from .ready import is_ready
+
+COSINE = {"AUTO": None, "INCLUDED": 1, "NOT_INCLUDED": 0}
+
+
+class NACRE_OT_import_btf(JobOperator, bpy.types.Operator, ImportHelper):
+    """Read a measured BTF into a dataset folder"""
+
+    bl_idname = "nacre.import_btf"
+    bl_label = "Import BTF"
+    # The file browser would push an undo step before the work is done: `finish` pushes it instead.
+    bl_options = {"PRESET"}
+
+    filter_glob: StringProperty(default="*.btf;*.zip", options={"HIDDEN"})
+    filepath: StringProperty(
+        name="File",
+        description="Measured BTF: a .btf of Bonn's, or a .zip of images named by their angles",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE", "SKIP_PRESET", "HIDDEN"},
+    )
+    destination: StringProperty(
+        name="Dataset",
+        description="Folder to write; when empty, NAME.nacre beside the file, or among Blender's "
+        "own files where that cannot be written",
+        options={"SKIP_SAVE", "SKIP_PRESET"},
+    )
+    cosine: EnumProperty(
+        name="Cosine",
+        description="Whether the file's values include the cosine of the light's angle",
+        items=(
+            ("AUTO", "As the File Says", "Trust the file; without a word there, it is included"),
+            ("INCLUDED", "Included", "Take the values as they stand"),
+            ("NOT_INCLUDED", "Not Included", "Multiply the values by the cosine"),
+        ),
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return is_ready(cls)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        # What the file browser and the dialog run is `execute`, just as a script does.
+        self._in_window = not bpy.app.background
+        if self.filepath:  # dropped on the window
+            return context.window_manager.invoke_props_dialog(
+                self, title=Path(self.filepath).name, confirm_text="Import", width=340
+            )
+        return ImportHelper.invoke(self, context, event)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if getattr(self, "_in_window", False):
+            return self.start(context)
+        return super().execute(context)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        draw_facts(context, layout, source_facts(self.filepath, COSINE[self.cosine]))
+        layout.prop(self, "cosine")
+        layout.prop(self, "destination", placeholder=self._usual_destination().name)
+
+    def prepare(self, context: bpy.types.Context) -> Work:
+        if not self.filepath or Path(self.filepath).is_dir():
+            raise NacreError("no file is chosen: choose a .btf or a .zip")
+        source, cosine = bpy.path.abspath(self.filepath), COSINE[self.cosine]
+        destination = Path(bpy.path.abspath(self.destination))
+        if not self.destination:
+            destination = self._usual_destination()
+            if not _is_writable(destination.parent):
+                destination = _own_folder() / destination.name
+
+        def work(progress: Progress) -> Dataset:
+            return import_dataset(source, destination, cosine=cosine, progress=progress)
+
+        return work
+
+    def finish(self, context: bpy.types.Context, result: Dataset) -> None:
+        context.scene.nacre.dataset = str(result.path)
+        self.report({"INFO"}, f"Imported {result.path}")
+        bpy.ops.ed.undo_push(message=self.bl_label)
+
+    def _usual_destination(self) -> Path:
+        return Path(bpy.path.abspath(self.filepath) or "NAME").with_suffix(".nacre")
+
+
+class NACRE_FH_btf(bpy.types.FileHandler):
+    """Drop a measured BTF on the 3D viewport"""
+
+    bl_idname = "NACRE_FH_btf"
+    bl_label = "BTF"
+    bl_import_operator = NACRE_OT_import_btf.bl_idname
+    bl_file_extensions = ".btf;.zip"
+
+    @classmethod
+    def poll_drop(cls, context: bpy.types.Context) -> bool:
+        return context.area is not None and context.area.type == "VIEW_3D"
+
+
+def draw_import_menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
+    """The entry in File > Import."""
+    self.layout.operator(NACRE_OT_import_btf.bl_idname, text="BTF (.btf, .zip)")
+
+
+def _is_writable(folder: Path) -> bool:
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def _own_folder() -> Path:
+    """The extension's own folder for user files."""
+    package = __package__.removesuffix(".operators")
+    try:
+        return Path(bpy.utils.extension_path_user(package, path="datasets", create=True))
+    except ValueError:  # run from a checkout, not as an extension
+        raise NacreError("the file's folder cannot be written: give a dataset folder") from None

@@ -1,0 +1,28 @@
+"""The active object's material, when it shows a model."""
+
+import bpy
+
+from .layout import SidebarPanel, property_column
+
+
+class NACRE_PT_active_material(SidebarPanel, bpy.types.Panel):
+    bl_label = "Active Material"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not super().poll(context) or context.object is None:
+            return False
+        from ..nodes.material import is_nacre_material
+
+        return is_nacre_material(context.object.active_material)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        material = context.object.active_material
+        layout = property_column(self.layout)
+        layout.label(text=material.name, icon="MATERIAL", translate=False)
+        layout.prop(material.nacre, "light")
+        repeat = material.node_tree.nodes.get("Repeat")
+        if repeat is not None:
+            column = layout.column(align=True)
+            column.prop(repeat.inputs[1], "default_value", index=0, text="Repeat X")
+            column.prop(repeat.inputs[1], "default_value", index=1, text="Y")

@@ -1,0 +1,19 @@
+"""From a dataset to a model."""
+
+import bpy
+
+from .layout import SidebarPanel, draw_facts, draw_step, property_column
+
+
+class NACRE_PT_compress(SidebarPanel, bpy.types.Panel):
+    bl_label = "Compress"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        chosen = context.scene.nacre
+        layout = property_column(self.layout)
+        layout.prop(chosen, "method")
+        layout.prop(chosen, "quality")
+        layout.prop(chosen, "output", placeholder="Beside the dataset")
+        if chosen.expected_size:
+            draw_facts(context, layout, f"At Most\t{chosen.expected_size}")
+        draw_step(layout, "nacre.compress", "MOD_MESHDEFORM")

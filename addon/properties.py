@@ -1,0 +1,119 @@
+"""What a scene and a material keep of the user's choices."""
+
+import bpy
+from bpy.props import EnumProperty, PointerProperty, StringProperty
+
+from .errors import NacreError
+from .facts import dataset_facts, largest_model, model_facts
+from .nodes.light_group import KINDS
+
+
+def _is_light(_owner: bpy.types.PropertyGroup, item: bpy.types.Object) -> bool:
+    return item.type == "LIGHT" and item.data.type in KINDS
+
+
+def first_light(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """The light that a material follows when the user picked none."""
+    return next((item for item in scene.objects if _is_light(scene, item)), None)
+
+
+# Panels only draw what these callbacks found out when a path was set: no file is read to draw.
+
+
+def _dataset_set(self: "NACRE_PG_scene", context: bpy.types.Context) -> None:
+    self.dataset_facts = dataset_facts(bpy.path.abspath(self.dataset))
+    _settings_set(self, context)
+
+
+def _settings_set(self: "NACRE_PG_scene", _context: bpy.types.Context) -> None:
+    self.expected_size = ""
+    if not self.dataset:
+        return
+    try:
+        from .datasets.dataset import open_dataset
+        from .models.fit import quality_settings
+
+        dataset = open_dataset(bpy.path.abspath(self.dataset))
+        settings = quality_settings(dataset, self.method.lower(), self.quality)
+    except (NacreError, ImportError):
+        return
+    self.expected_size = largest_model(dataset, settings)
+
+
+def _model_set(self: "NACRE_PG_scene", _context: bpy.types.Context) -> None:
+    self.model_facts = model_facts(bpy.path.abspath(self.model))
+
+
+class NACRE_PG_scene(bpy.types.PropertyGroup):
+    """From a measured file to a material: the paths and settings of each step."""
+
+    dataset: StringProperty(
+        name="Dataset",
+        description="Folder of the imported samples, NAME.nacre",
+        subtype="DIR_PATH",
+        update=_dataset_set,
+    )
+    dataset_facts: StringProperty(options={"HIDDEN"})
+    method: EnumProperty(
+        name="Method",
+        description="How the samples are approximated",
+        items=(
+            ("NSVD", "N-SVD", "One core tensor for all views: best quality, slow to draw"),
+            ("CTA", "CTA", "Each view in one cluster: fastest to draw, lowest quality"),
+            ("KCTA", "K-CTA", "Each view mixes a few clusters: fast to draw, good quality"),
+        ),
+        default="KCTA",
+        update=_settings_set,
+    )
+    quality: EnumProperty(
+        name="Quality",
+        description="How much of the samples' detail is kept",
+        items=(
+            ("DRAFT", "Draft", "Small and quick, for a first look"),
+            ("MEDIUM", "Medium", "A good picture at a moderate size"),
+            ("HIGH", "High", "Fine detail, about three times the size of Medium"),
+        ),
+        default="MEDIUM",
+        update=_settings_set,
+    )
+    expected_size: StringProperty(options={"HIDDEN"})
+    output: StringProperty(
+        name="Save As",
+        description="File of the compressed model; when empty, NAME.exr beside the dataset",
+        subtype="FILE_PATH",
+    )
+    model: StringProperty(
+        name="Model",
+        description="File of a compressed model, NAME.exr",
+        subtype="FILE_PATH",
+        update=_model_set,
+    )
+    model_facts: StringProperty(options={"HIDDEN"})
+    light: PointerProperty(
+        name="Light",
+        description="Sun, point or spot that lights the new material; if empty, the scene's first",
+        type=bpy.types.Object,
+        poll=_is_light,
+    )
+
+
+def _light_set(self: "NACRE_PG_material", _context: bpy.types.Context) -> None:
+    from .nodes.material import is_nacre_material, set_light
+
+    if is_nacre_material(self.id_data):
+        set_light(self.id_data, self.light)
+
+
+class NACRE_PG_material(bpy.types.PropertyGroup):
+    """What the user may change about a material that shows a model."""
+
+    light: PointerProperty(
+        name="Light",
+        description="Sun, point or spot that lights this material, followed live",
+        type=bpy.types.Object,
+        poll=_is_light,
+        update=_light_set,
+    )
+
+
+CLASSES = (NACRE_PG_scene, NACRE_PG_material)

@@ -1,0 +1,108 @@
+"""Every evaluator of a model against `decode`: what is shown is what was fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..datasets.directions import spherical_to_unit, unit_to_spherical
+from ..errors import Cancelled
+from ..models.clustered_tucker import ClusteredTucker
+from ..nodes.material import material_from_tables
+from ..tables.evaluate import evaluate_patch
+from ..tables.tables import Tables, build_tables
+from .engines import render_pixels
+from .pictures import flat_scene
+
+PAIRS = 12
+"""Light and view pairs rendered by each engine; every second one off the measured grid."""
+
+
+def verify(
+    model: ClusteredTucker,
+    engines: Sequence[str],
+    progress: Callable[[float, str], bool] | None = None,
+) -> dict[str, dict[str, float]]:
+    """Errors of each evaluator, absolute and relative to the mean of what it is compared with.
+
+    Engines' pictures of the flat patch are compared with the same tables evaluated on the CPU, and
+    under "tables" the tables with the model itself on the whole measured grid, clamped at 0.
+    """
+
+    def step(fraction: float, message: str) -> None:
+        if progress is not None and not progress(fraction, message):
+            raise Cancelled
+
+    step(0.0, "Building tables")
+    tables = build_tables(model)
+    results = {"tables": tables_against_model(model, tables)}
+    material = material_from_tables(tables, "verify")
+    _, _, height, width, _ = model.shape
+    for number, engine in enumerate(engines):
+        measures = []
+        with flat_scene(material, (width, height), engine) as flat:
+            for index, (light, view) in enumerate(direction_pairs(model)):
+                step(
+                    0.2 + 0.8 * (number + index / PAIRS) / len(engines),
+                    f"Rendering with {engine}",
+                )
+                flat.aim(light, view)
+                seen = render_pixels(flat.scene)
+                lights, views = (spherical_to_unit([d[0]], [d[1]]) for d in (light, view))
+                measures.append((seen, evaluate_patch(tables, lights, views)[0, 0]))
+        seen, expected = (np.stack(pictures) for pictures in zip(*measures, strict=True))
+        results[engine] = errors(seen, expected)
+    bpy.data.materials.remove(material)
+    step(1.0, "Verified")
+    return results
+
+
+def errors(seen: NDArray[np.floating], expected: NDArray[np.floating]) -> dict[str, float]:
+    """Mean and largest absolute difference, and the mean one relative to the expected mean."""
+    difference = np.abs(seen - expected)
+    return {
+        "mean_abs": float(difference.mean()),
+        "relative": float(difference.mean() / max(float(expected.mean()), 1e-12)),
+        "max_abs": float(difference.max()),
+    }
+
+
+def tables_against_model(model: ClusteredTucker, tables: Tables) -> dict[str, float]:
+    """Errors of the tables at every measured light and view, clamped at 0 on both sides."""
+    lights = np.asarray(model.dataset["light"])
+    difference = total = largest = 0.0
+    for number, view in enumerate(np.asarray(model.dataset["view"])):
+        expected = np.maximum(model.decode(view=[number]), 0.0)
+        error = np.abs(evaluate_patch(tables, lights, view[None]) - expected)
+        difference += float(error.sum(dtype=float))
+        total += float(expected.sum(dtype=float))
+        largest = max(largest, float(error.max()))
+    count = int(np.prod(model.shape))
+    return {
+        "mean_abs": difference / count,
+        "relative": difference / max(total, 1e-12),
+        "max_abs": largest,
+    }
+
+
+def direction_pairs(
+    model: ClusteredTucker,
+) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+    """PAIRS of (theta, phi) in degrees for light and view, spread over the measured range; every
+    second pair lies on the grid, the others between its directions."""
+    lights, views = (
+        np.column_stack(unit_to_spherical(np.asarray(model.dataset[mode])))
+        for mode in ("light", "view")
+    )
+    pairs = []
+    for index in range(PAIRS):
+        light = lights[index * 7 * len(lights) // (8 * PAIRS)]
+        view = views[(PAIRS - 1 - index) * len(views) // PAIRS]
+        if index % 2:  # towards the normal, and turned: between rings and between neighbours
+            light = light * (0.93, 1.0) + (1.0, 4.3)
+            view = view * (0.95, 1.0) + (0.7, -5.1)
+        pairs.append(((float(light[0]), float(light[1])), (float(view[0]), float(view[1]))))
+    return pairs

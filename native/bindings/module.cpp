@@ -1,0 +1,45 @@
+#include "bindings.hpp"
+#include "nacre/errors.hpp"
+
+namespace nacre::python {
+
+BtfSource btf_source(const py::array& samples) {
+    if (samples.ndim() != 5) {
+        throw py::value_error("samples: expected 5 axes (light, view, y, x, channel), got " +
+                              std::to_string(samples.ndim()));
+    }
+    const py::dtype type = samples.dtype();
+    const bool native = type.byteorder() == '=' || type.byteorder() == '<';
+    if (type.kind() != 'f' || (type.itemsize() != 2 && type.itemsize() != 4) || !native) {
+        throw py::value_error("samples: expected float16 or float32, got " +
+                              py::str(type).cast<std::string>());
+    }
+    if (!(samples.flags() & py::array::c_style)) {
+        throw py::value_error("samples: expected a C-contiguous array");
+    }
+    const SampleType sample = type.itemsize() == 2 ? SampleType::kHalf : SampleType::kFloat;
+    return BtfSource(samples.data(), sample,
+                     {samples.shape(0), samples.shape(1), samples.shape(2), samples.shape(3),
+                      samples.shape(4)});
+}
+
+Executor::Progress progress_callback(const py::object& progress) {
+    return [progress](double fraction, const std::string& message) {
+        py::gil_scoped_acquire acquire;
+        if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+        if (progress.is_none()) return true;
+        const py::object answer = progress(fraction, message);
+        return answer.is_none() || answer.cast<bool>();
+    };
+}
+
+}  // namespace nacre::python
+
+PYBIND11_MODULE(_native, module) {
+    pybind11::register_exception<nacre::Cancelled>(module, "Cancelled").doc() =
+        "The progress callback asked for a stop.";
+    module.attr("__version__") = NACRE_VERSION;
+    nacre::python::register_nsvd(module);
+    nacre::python::register_kcta(module);
+    nacre::python::register_search(module);
+}

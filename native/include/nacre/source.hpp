@@ -1,0 +1,64 @@
+// Where the samples come from: a tensor that is read block by block and need not fit in memory.
+#pragma once
+
+#include <array>
+#include <string>
+
+#include "nacre/tensor.hpp"
+
+namespace nacre {
+
+class TensorSource {
+  public:
+    virtual ~TensorSource() = default;
+
+    const Shape& shape() const { return shape_; }
+
+    // Rows of a mode that belong together; blocks begin and end at multiples of it.
+    virtual Index granularity(Index /*mode*/) const { return 1; }
+
+    // The block of `size` at `begin` as C-order floats.
+    virtual void read(const Shape& begin, const Shape& size, float* block) const = 0;
+
+    // Called when sums over the samples came out NaN or infinite: throws std::invalid_argument
+    // that names the first sample, in storage order, that is not a usable number.
+    [[noreturn]] virtual void throw_invalid() const;
+
+  protected:
+    explicit TensorSource(Shape shape) : shape_(std::move(shape)) {}
+
+  private:
+    Shape shape_;
+};
+
+// A tensor in memory that someone else owns.
+class MemorySource : public TensorSource {
+  public:
+    MemorySource(const float* data, Shape shape) : TensorSource(std::move(shape)), data_(data) {}
+    void read(const Shape& begin, const Shape& size, float* block) const override;
+
+  private:
+    const float* data_;
+};
+
+enum class SampleType { kHalf, kFloat };
+
+// A bidirectional texture function as stored: samples (light, view, y, x, channel), C order, half
+// or float, owned by the caller. The tensor has the modes (light rows, view, y, x), where light row
+// `channels * light + channel` is one colour of one light.
+class BtfSource : public TensorSource {
+  public:
+    BtfSource(const void* samples, SampleType type, const std::array<Index, 5>& shape);
+
+    Index channels() const { return dims_[4]; }
+    Index granularity(Index mode) const override { return mode == 0 ? channels() : 1; }
+    void read(const Shape& begin, const Shape& size, float* block) const override;
+    [[noreturn]] void throw_invalid() const override;
+
+  private:
+    const void* samples_;
+    SampleType type_;
+    std::array<Index, 5> dims_;
+};
+
+}  // namespace nacre

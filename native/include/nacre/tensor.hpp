@@ -1,0 +1,78 @@
+// Dense float tensors in C order, and the matrices that go with them.
+//
+// A mode-n operation never forms the unfolded matrix: a C-order tensor is a stack of `outer`
+// matrices of `rows` x `inner` (see Unfolding), and every product runs on these in place.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <cstdlib>
+#include <memory>
+#include <vector>
+
+namespace nacre {
+
+using Index = std::int64_t;
+using Shape = std::vector<Index>;
+using MatrixF = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using MatrixD = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using VectorD = Eigen::VectorXd;
+
+Index product(const Shape& shape);
+
+// Floats on a cache line, uninitialised. Growing discards the contents; shrinking keeps the memory.
+class Buffer {
+  public:
+    Buffer() = default;
+    explicit Buffer(Index size) { reserve(size); }
+    void reserve(Index size);
+    float* data() { return data_.get(); }
+    const float* data() const { return data_.get(); }
+
+  private:
+    struct Free {
+        void operator()(float* p) const { std::free(p); }
+    };
+    std::unique_ptr<float[], Free> data_;
+    Index capacity_ = 0;
+};
+
+class Tensor {
+  public:
+    Tensor() = default;
+    explicit Tensor(Shape shape) { reset(std::move(shape)); }
+    Tensor(const Tensor& other);
+    Tensor& operator=(const Tensor& other);
+    Tensor(Tensor&&) = default;
+    Tensor& operator=(Tensor&&) = default;
+
+    // New shape, undefined contents, memory reused where it is large enough.
+    void reset(Shape shape);
+    void fill(float value);
+
+    const Shape& shape() const { return shape_; }
+    Index order() const { return static_cast<Index>(shape_.size()); }
+    Index dim(Index mode) const { return shape_[static_cast<std::size_t>(mode)]; }
+    Index size() const { return size_; }
+    float* data() { return buffer_.data(); }
+    const float* data() const { return buffer_.data(); }
+
+  private:
+    Shape shape_;
+    Index size_ = 0;
+    Buffer buffer_;
+};
+
+// The mode-n view of a C-order tensor: `outer` matrices of rows x inner, one after the other.
+struct Unfolding {
+    Index outer, rows, inner;
+};
+Unfolding unfolding(const Shape& shape, Index mode);
+
+// Copies the block of `size` at `begin` of `source` into the same-sized C-order `block`, and back.
+void copy_out(const float* source, const Shape& shape, const Shape& begin, const Shape& size,
+              float* block);
+void copy_in(const float* block, const Shape& begin, const Shape& size, const Shape& shape,
+             float* destination);
+
+}  // namespace nacre

@@ -1,0 +1,121 @@
+#include "nacre/gram.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "nacre/blas.hpp"
+
+namespace nacre {
+
+namespace {
+
+constexpr Index kFloatColumns = 2048;
+constexpr Index kMaxSlabs = 32;
+
+}  // namespace
+
+GramSum::GramSum(Index rows) : rows_(rows), partial_(rows, rows) {
+    sum_.setZero(rows, rows);
+    partial_.setZero();
+}
+
+void GramSum::make_room(Index columns) {
+    if (columns_ + columns > kFloatColumns) flush();
+    columns_ += columns;
+}
+
+void GramSum::flush() {
+    if (columns_ == 0) return;
+    for (Index i = 0; i < rows_; ++i) {
+        const float* from = partial_.data() + i * rows_;
+        double* to = sum_.data() + i * rows_;
+        for (Index j = i; j < rows_; ++j) to[j] += from[j];
+    }
+    columns_ = 0;
+}
+
+void GramSum::add_columns(const float* piece, Index columns, Index stride) {
+    for (Index first = 0; first < columns; first += kFloatColumns) {
+        const Index count = std::min(kFloatColumns, columns - first);
+        make_room(count);
+        const float beta = columns_ == count ? 0.0f : 1.0f;
+        syrk_upper(Op::kNone, rows_, count, piece + first, stride, beta, partial_.data(), rows_);
+    }
+}
+
+void GramSum::add(const float* piece, const Unfolding& view) {
+    if (view.inner > 1) {
+        for (Index o = 0; o < view.outer; ++o) {
+            add_columns(piece + o * rows_ * view.inner, view.inner, view.inner);
+        }
+        return;
+    }
+    for (Index first = 0; first < view.outer; first += kFloatColumns) {
+        const Index count = std::min(kFloatColumns, view.outer - first);
+        make_room(count);
+        const float beta = columns_ == count ? 0.0f : 1.0f;
+        syrk_upper(Op::kTranspose, rows_, count, piece + first * rows_, rows_, beta,
+                   partial_.data(), rows_);
+    }
+}
+
+const MatrixD& GramSum::finish() {
+    flush();
+    return sum_;
+}
+
+void symmetrise(MatrixD& upper) {
+    for (Index i = 0; i < upper.rows(); ++i) {
+        for (Index j = 0; j < i; ++j) upper(i, j) = upper(j, i);
+    }
+}
+
+Index slab_count(Index tasks) { return std::clamp<Index>(tasks, 1, kMaxSlabs); }
+
+MatrixD gram(Executor& executor, const Tensor& tensor, Index mode) {
+    const Unfolding view = unfolding(tensor.shape(), mode);
+    const auto [outer, rows, inner] = view;
+    // Pieces: part of the columns of one slice, or several whole slices.
+    constexpr Index kPieceColumns = 4096;
+    const Index slices = std::max<Index>(1, kPieceColumns / inner);
+    const Index parts = (inner + kPieceColumns - 1) / kPieceColumns;
+    const Index pieces = ((outer + slices - 1) / slices) * parts;
+    const Index slabs = slab_count(pieces);
+    std::vector<MatrixD> partial(static_cast<std::size_t>(slabs));
+    executor.parallel_for(slabs, [&](Index slab, int) {
+        GramSum sum(rows);
+        for (Index piece = slab * pieces / slabs; piece < (slab + 1) * pieces / slabs; ++piece) {
+            const Index slice = piece / parts * slices, column = piece % parts * kPieceColumns;
+            const float* data = tensor.data() + slice * rows * inner + column;
+            if (parts > 1) {
+                sum.add_columns(data, std::min(kPieceColumns, inner - column), inner);
+            } else {
+                sum.add(data, {std::min(slices, outer - slice), rows, inner});
+            }
+        }
+        partial[static_cast<std::size_t>(slab)] = sum.finish();
+    });
+    MatrixD total = partial[0];
+    for (Index slab = 1; slab < slabs; ++slab) total += partial[static_cast<std::size_t>(slab)];
+    symmetrise(total);
+    return total;
+}
+
+MatrixF leading_basis(MatrixD gram, Index rank) {
+    const Index n = gram.rows();
+    symmetric_eigen(gram);  // ascending; the rows are the vectors
+    MatrixF basis(n, rank);
+    for (Index r = 0; r < rank; ++r) {
+        auto vector = gram.row(n - 1 - r);
+        Index largest = 0;
+        // The first entry within rounding of the largest: two equal ones must not make the sign
+        // depend on the last bit.
+        const double peak = vector.cwiseAbs().maxCoeff();
+        while (std::abs(vector(largest)) < peak * (1 - 1e-9)) ++largest;
+        const double sign = vector(largest) < 0 ? -1 : 1;
+        for (Index i = 0; i < n; ++i) basis(i, r) = static_cast<float>(sign * vector(i));
+    }
+    return basis;
+}
+
+}  // namespace nacre

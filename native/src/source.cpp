@@ -1,0 +1,86 @@
+#include "nacre/source.hpp"
+
+#include <cmath>
+
+#include "nacre/errors.hpp"
+#include "nacre/unpack.hpp"
+
+namespace nacre {
+
+namespace {
+
+// Beyond this, squares leave the range of single precision.
+constexpr float kLargest = 1e15f;
+
+bool usable(float value) { return std::abs(value) <= kLargest; }  // false for NaN
+
+std::string fault(float value) {
+    if (std::isnan(value)) return "NaN";
+    if (std::isinf(value)) return value > 0 ? "infinity" : "-infinity";
+    std::ostringstream text;
+    text << value;
+    return text.str();
+}
+
+}  // namespace
+
+void TensorSource::throw_invalid() const {
+    throw std::invalid_argument("samples: expected finite numbers below 1e15 in magnitude");
+}
+
+void MemorySource::read(const Shape& begin, const Shape& size, float* block) const {
+    copy_out(data_, shape(), begin, size, block);
+}
+
+BtfSource::BtfSource(const void* samples, SampleType type, const std::array<Index, 5>& shape)
+    : TensorSource({shape[0] * shape[4], shape[1], shape[2], shape[3]}),
+      samples_(samples),
+      type_(type),
+      dims_(shape) {
+    static constexpr const char* kNames[] = {"light", "view", "y", "x", "channel"};
+    for (std::size_t n = 0; n < 5; ++n) {
+        require(shape[n] > 0, "samples: expected at least one sample along ", kNames[n], ", got ",
+                shape[n]);
+    }
+}
+
+void BtfSource::read(const Shape& begin, const Shape& size, float* block) const {
+    const auto [lights, views, height, width, channels] = dims_;
+    const bool whole_rows = size[3] == width;
+    const Index run = whole_rows ? size[2] * width : size[3];  // pixels next to each other
+    const Index runs = whole_rows ? 1 : size[2];
+    const Index row_stride = size[1] * size[2] * size[3];  // between light rows of the block
+    for (Index l = 0; l < size[0] / channels; ++l) {
+        for (Index v = 0; v < size[1]; ++v) {
+            const Index image = (begin[0] / channels + l) * views + begin[1] + v;
+            for (Index r = 0; r < runs; ++r) {
+                const Index pixel = (image * height + begin[2] + r) * width + begin[3];
+                float* rows = block + l * channels * row_stride + (v * size[2] + r) * size[3];
+                unpack(samples_, type_, pixel * channels, run, channels, rows, row_stride);
+            }
+        }
+    }
+}
+
+void BtfSource::throw_invalid() const {
+    const Index pixels = dims_[0] * dims_[1] * dims_[2] * dims_[3], channels = dims_[4];
+    std::vector<float> values(static_cast<std::size_t>(dims_[3] * channels));
+    for (Index pixel = 0; pixel < pixels; pixel += dims_[3]) {
+        unpack(samples_, type_, pixel * channels, dims_[3] * channels, 1, values.data(), 0);
+        for (std::size_t i = 0; i < values.size(); ++i) {
+            if (usable(values[i])) continue;
+            Index rest = pixel * channels + static_cast<Index>(i);
+            Index index[5];
+            for (int n = 4; n >= 0; --n) {
+                index[n] = rest % dims_[static_cast<std::size_t>(n)];
+                rest /= dims_[static_cast<std::size_t>(n)];
+            }
+            require(false, "samples: expected finite numbers below 1e15 in magnitude, got ",
+                    fault(values[i]), " at light ", index[0], ", view ", index[1], ", y ",
+                    index[2], ", x ", index[3], ", channel ", index[4]);
+        }
+    }
+    TensorSource::throw_invalid();
+}
+
+}  // namespace nacre

@@ -1,0 +1,107 @@
+#include "nacre/tensor.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <new>
+
+namespace nacre {
+
+Index product(const Shape& shape) {
+    Index size = 1;
+    for (Index extent : shape) size *= extent;
+    return size;
+}
+
+void Buffer::reserve(Index size) {
+    if (size <= capacity_) return;
+    constexpr std::size_t kLine = 64;
+    const std::size_t bytes = (static_cast<std::size_t>(size) * sizeof(float) + kLine - 1) / kLine;
+    data_.reset();  // free first: the old contents are not kept
+    capacity_ = 0;
+    data_.reset(static_cast<float*>(std::aligned_alloc(kLine, bytes * kLine)));
+    if (!data_) throw std::bad_alloc();
+    capacity_ = size;
+}
+
+Tensor::Tensor(const Tensor& other) { *this = other; }
+
+Tensor& Tensor::operator=(const Tensor& other) {
+    if (this == &other) return *this;
+    reset(other.shape_);
+    std::copy_n(other.data(), size_, data());
+    return *this;
+}
+
+void Tensor::reset(Shape shape) {
+    const Index size = product(shape);
+    buffer_.reserve(std::max<Index>(size, 1));
+    shape_ = std::move(shape);
+    size_ = size;
+}
+
+void Tensor::fill(float value) { std::fill_n(data(), size_, value); }
+
+Unfolding unfolding(const Shape& shape, Index mode) {
+    Unfolding view{1, shape[static_cast<std::size_t>(mode)], 1};
+    for (Index n = 0; n < static_cast<Index>(shape.size()); ++n) {
+        if (n < mode) view.outer *= shape[static_cast<std::size_t>(n)];
+        if (n > mode) view.inner *= shape[static_cast<std::size_t>(n)];
+    }
+    return view;
+}
+
+namespace {
+
+// Calls run(offset in the whole tensor, offset in the block, run length) for every contiguous run.
+template <class Run>
+void for_each_run(const Shape& shape, const Shape& begin, const Shape& size, Run&& run) {
+    const int order = static_cast<int>(shape.size());
+    // Trailing modes that are taken whole make longer runs.
+    int last = order - 1;
+    Index length = order ? size[static_cast<std::size_t>(last)] : 1;
+    while (last > 0 && size[static_cast<std::size_t>(last)] == shape[static_cast<std::size_t>(last)]) {
+        --last;
+        length *= size[static_cast<std::size_t>(last)];
+    }
+    Shape strides(shape.size());
+    Index step = 1;
+    for (int n = order - 1; n >= 0; --n) {
+        strides[static_cast<std::size_t>(n)] = step;
+        step *= shape[static_cast<std::size_t>(n)];
+    }
+    Index runs = 1;
+    for (int n = 0; n < last; ++n) runs *= size[static_cast<std::size_t>(n)];
+    Index base = 0;
+    for (int n = 0; n < order; ++n)
+        base += begin[static_cast<std::size_t>(n)] * strides[static_cast<std::size_t>(n)];
+    Shape position(shape.size(), 0);
+    for (Index r = 0; r < runs; ++r) {
+        Index offset = base;
+        for (int n = 0; n < last; ++n)
+            offset += position[static_cast<std::size_t>(n)] * strides[static_cast<std::size_t>(n)];
+        run(offset, r * length, length);
+        for (int n = last - 1; n >= 0; --n) {
+            if (++position[static_cast<std::size_t>(n)] < size[static_cast<std::size_t>(n)]) break;
+            position[static_cast<std::size_t>(n)] = 0;
+        }
+    }
+}
+
+}  // namespace
+
+void copy_out(const float* source, const Shape& shape, const Shape& begin, const Shape& size,
+              float* block) {
+    for_each_run(shape, begin, size, [&](Index from, Index to, Index length) {
+        std::memcpy(block + to, source + from, static_cast<std::size_t>(length) * sizeof(float));
+    });
+}
+
+void copy_in(const float* block, const Shape& begin, const Shape& size, const Shape& shape,
+             float* destination) {
+    for_each_run(shape, begin, size, [&](Index to, Index from, Index length) {
+        std::memcpy(destination + to, block + from,
+                    static_cast<std::size_t>(length) * sizeof(float));
+    });
+}
+
+}  // namespace nacre
