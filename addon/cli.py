@@ -109,7 +109,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--light", type=_angles, default=(45.0, 45.0), metavar="T,P")
     sub.add_argument("--view", type=_angles, metavar="T,P")
     sub.add_argument(
-        "--mesh", default="plane", help="plane (the patch, square to it), cushion, sphere or a file"
+        "--mesh", default="plane", help="plane (the patch, square to it), cloth, sphere or a file"
     )
     sub.add_argument("--size", type=_size_of_picture, metavar="WxH")
     sub.add_argument("--samples", type=_positive, default=16, help="a pixel, for objects")

@@ -78,10 +78,9 @@ def _source_facts(path: str, cosine: int | None, _changed: int, _size: int) -> s
     return _facts(describe, path)
 
 
-def largest_model(dataset: Dataset, settings: dict[str, dict[str, int]]) -> str:
-    """The most that `compress` with these settings would save; the file is packed without loss.
-
-    Halves for core and bases, and a number for each item's clusters; the light basis is shared.
+def expected_model(dataset: Dataset, settings: dict[str, dict[str, int]]) -> str:
+    """What `compress` with these settings would save at most: half floats for core and bases, a
+    number for each item's clusters; the light basis is shared.
     """
     lights, views, height, width, channels = dataset.shape
     rows = {"light": channels * lights, "view": views, "y": height, "x": width}
@@ -92,13 +91,13 @@ def largest_model(dataset: Dataset, settings: dict[str, dict[str, int]]) -> str:
     halves = clusters * math.prod(ranks.values())
     halves += sum(owners[mode] * rows[mode] * ranks[mode] for mode in rows)
     size = 2 * halves + 4 * views * mixtures
-    return f"{size_text(size)} (1 : {round(dataset.raw_bytes / size)})"
+    return f"up to {size_text(size)} (1 : {round(dataset.raw_bytes / size)})"
 
 
 def size_text(size: float) -> str:
     """Bytes with three digits: 0.33 MB, 161 MB, 2.41 GB (of 10^9 bytes)."""
     if size >= 1e9:
-        return f"{size / 1e9:#.3g} GB".replace(". ", " ")
+        return f"{size / 1e9:#.3g} GB".replace(". ", " ")  # 161. MB
     if size >= 1e6:
         return f"{size / 1e6:#.3g} MB".replace(". ", " ")
     return f"{max(size, 1) / 1e3:.0f} kB"

@@ -4,7 +4,7 @@ import bpy
 from bpy.props import EnumProperty, PointerProperty, StringProperty
 
 from .errors import NacreError
-from .facts import dataset_facts, largest_model, model_facts
+from .facts import dataset_facts, expected_model, model_facts
 from .nodes.light_group import KINDS
 
 
@@ -37,7 +37,7 @@ def _settings_set(self: "NACRE_PG_scene", _context: bpy.types.Context) -> None:
         settings = quality_settings(dataset, self.method.lower(), self.quality)
     except (NacreError, ImportError):
         return
-    self.expected_size = largest_model(dataset, settings)
+    self.expected_size = expected_model(dataset, settings)
 
 
 def _model_set(self: "NACRE_PG_scene", _context: bpy.types.Context) -> None:
@@ -71,7 +71,7 @@ class NACRE_PG_scene(bpy.types.PropertyGroup):
         items=(
             ("DRAFT", "Draft", "Small and quick, for a first look"),
             ("MEDIUM", "Medium", "A good picture at a moderate size"),
-            ("HIGH", "High", "Fine detail, about three times the size of Medium"),
+            ("HIGH", "High", "Fine detail, at several times the size"),
         ),
         default="MEDIUM",
         update=_settings_set,

@@ -47,7 +47,7 @@ def helper_wheels(extra: Path | None) -> dict[str, Path]:
         if tag not in wheels and python:
             wheels[tag] = native_wheel(python, version, pip=Path(sys.executable))
         if tag not in wheels:
-            print(f"Python {version} is not here: the extension will not run in a Blender with it")
+            print(f"No Python {version} here: Blenders with it will not be served", flush=True)
     return wheels
 
 

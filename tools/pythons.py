@@ -53,15 +53,14 @@ def find(version: str) -> list[Interpreter]:
 
     The variable PY313 (PY311, PY314) names the only one to try.
     """
-    found: list[Interpreter] = []
+    found: dict[str, Interpreter] = {}  # one for each file, whatever links lead to it
     for command in _candidates(version):
         interpreter = probe(command)
-        if interpreter is None or interpreter.version != version or interpreter in found:
-            continue
-        found.append(interpreter)
-        if not interpreter.lacks:
-            break
-    return found
+        if interpreter and interpreter.version == version:
+            if not interpreter.lacks:
+                return [*found.values(), interpreter]
+            found[os.path.realpath(interpreter.path)] = interpreter
+    return [*found.values()]
 
 
 def usable(version: str) -> Path | None:

@@ -49,7 +49,7 @@ class Fault:
 def faults() -> list[Fault]:
     """List what building and running Nacre needs and the system lacks, except Python itself."""
     found = [library_fault(library) for library in LIBRARY_PACKAGES if not _loads(library)]
-    if not found and not _succeeds([sys.executable, "-c", _OPENGL_PROBE]):
+    if not _succeeds([sys.executable, "-c", _OPENGL_PROBE]):
         packages = ("libegl1", "libgl1", "libgl1-mesa-dri")
         found.append(Fault("an OpenGL driver that works without a screen", packages))
     if not compiler():

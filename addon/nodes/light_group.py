@@ -4,6 +4,7 @@ drivers that keep them in step with the object without script permission."""
 from __future__ import annotations
 
 from math import pi
+from typing import Any
 
 import bpy
 
@@ -11,7 +12,7 @@ from .graph import Graph, Wire
 
 NAME = "Nacre Light"
 KINDS = {"POINT": 0.0, "SUN": 1.0, "SPOT": 2.0}  # Blender's own numbers, which a driver reads
-SOCKETS: tuple[tuple[str, str, object, str], ...] = (
+SOCKETS: tuple[tuple[str, str, Any, str], ...] = (
     ("Kind", "Float", KINDS["SUN"], "Point 0, sun 1, spot 2"),
     ("Location", "Vector", (0.0, 0.0, 0.0), "World position in metres"),
     ("Rotation W", "Float", 1.0, "World rotation, real part of the quaternion"),
@@ -80,11 +81,12 @@ def _cone(g: Graph, cosine: Wire, size: Wire, blend: Wire) -> Wire:
 
 
 def drive_light(node: bpy.types.ShaderNodeGroup, light: bpy.types.Object | None) -> None:
-    """Drive a light group node's inputs from a light object; None leaves them as they are now."""
-    for socket in node.inputs:
-        vector = socket.type in {"VECTOR", "RGBA"}
-        for index in range(len(socket.default_value)) if vector else (-1,):
-            socket.driver_remove("default_value", index)
+    """Drive a light group node's inputs from a light object; None puts the default sun back, which
+    shines along -z with strength pi."""
+    for label, kind, value, _ in SOCKETS:
+        for index in (-1,) if kind == "Float" else range(len(value)):
+            node.inputs[label].driver_remove("default_value", index)
+        node.inputs[label].default_value = value
     if light is None:
         return
     inputs = node.inputs

@@ -57,7 +57,7 @@ def material_from_tables(
 
 
 def set_light(material: bpy.types.Material, light: bpy.types.Object | None) -> None:
-    """Light a Nacre material by another object, or by none (its inputs stay as they are)."""
+    """Light a Nacre material by another object, or by the default sun from +z."""
     drive_light(material.node_tree.nodes[LIGHT_NODE], light)
 
 

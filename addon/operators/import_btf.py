@@ -43,7 +43,7 @@ class NACRE_OT_import_btf(JobOperator, bpy.types.Operator, ImportHelper):
         name="Cosine",
         description="Whether the file's values include the cosine of the light's angle",
         items=(
-            ("AUTO", "As the File Says", "Trust the file; without a word there, it is included"),
+            ("AUTO", "Auto", "As the file says; one that does not say is taken to include it"),
             ("INCLUDED", "Included", "Take the values as they stand"),
             ("NOT_INCLUDED", "Not Included", "Multiply the values by the cosine"),
         ),

@@ -15,5 +15,5 @@ class NACRE_PT_compress(SidebarPanel, bpy.types.Panel):
         layout.prop(chosen, "quality")
         layout.prop(chosen, "output", placeholder="Beside the dataset")
         if chosen.expected_size:
-            draw_facts(context, layout, f"At Most\t{chosen.expected_size}")
+            draw_facts(context, layout, f"Size\t{chosen.expected_size}")
         draw_step(layout, "nacre.compress", "MOD_MESHDEFORM")

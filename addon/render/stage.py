@@ -79,14 +79,14 @@ def unit(direction: tuple[float, float]) -> np.ndarray:
 def add_mesh(
     scene: bpy.types.Scene, kind: str, material: bpy.types.Material, repeat: float = 4.0
 ) -> bpy.types.Object:
-    """A unit plane, a cushion, a sphere or a mesh file, centred, with a UV map.
+    """A unit plane, a cloth, a sphere or a mesh file, centred, with a UV map.
 
     `repeat` is how often the patch repeats along the object's width; a plane shows it once.
     """
     if kind == "plane":
         mesh = grid_mesh(kind, 1, lambda u, v: (u - 0.5, v - 0.5, 0.0), 1.0)
-    elif kind == "cushion":
-        mesh = grid_mesh(kind, 160, _cushion, repeat)
+    elif kind == "cloth":
+        mesh = grid_mesh(kind, 160, _cloth, repeat)
     elif kind == "sphere":
         mesh = grid_mesh(kind, 160, _sphere, 2 * ceil(repeat), wrap=True)
     else:
@@ -123,12 +123,11 @@ def grid_mesh(
     return mesh
 
 
-def _cushion(u: float, v: float) -> tuple[float, float, float]:
-    """A pillow with gentle folds, 2 m wide."""
+def _cloth(u: float, v: float) -> tuple[float, float, float]:
+    """Cloth laid over a ball, with folds, 2 m wide; no steep walls that would stretch a UV map."""
     x, y = 2 * u - 1, 2 * v - 1
-    height = 0.55 * (max(0.0, (1 - x**4) * (1 - y**4))) ** 0.5
-    folds = 0.03 * np.sin(5 * x + 2 * np.sin(3 * y)) * (1 - x**2) * (1 - y**2)
-    return x, y, height + folds
+    folds = 0.05 * np.sin(4 * x + 3 * y + 2 * np.sin(2 * y - x)) * (x**2 + y**2)
+    return x, y, 0.55 * np.exp(-2.0 * (x**2 + y**2)) - 0.15 + folds
 
 
 def _sphere(u: float, v: float) -> tuple[float, float, float]:
@@ -141,7 +140,7 @@ def _read_mesh(path: Path, repeat: float) -> bpy.types.Mesh:
     """A mesh file scaled to 2 m; a box projection where it has no UV map."""
     importer = MESH_IMPORTERS.get(path.suffix.lower())
     if importer is None or not path.is_file():
-        kinds = ", ".join(["plane", "cushion", "sphere", *MESH_IMPORTERS])
+        kinds = ", ".join(["plane", "cloth", "sphere", *MESH_IMPORTERS])
         raise NacreError(f"mesh {str(path)!r}: expected one of {kinds} (a file)")
     before = set(bpy.data.objects)
     getattr(bpy.ops.wm, importer)(filepath=str(path))

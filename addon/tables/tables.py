@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Cancelled, NacreError
-from ..models.clustered_tucker import ClusteredTucker, expand
+from ..models.clustered_tucker import MODES, ClusteredTucker, expand
 from .interpolation import horizon_fade, thin_plate_weights
 from .parabolic import texel_directions
 
@@ -112,7 +112,7 @@ def _resample_views(
     basis = model.bases["view"][0].astype(float)
     members = model.members.get("view", np.zeros((len(basis), 1), np.uint32))
     gram = nacre_native.core_gram(
-        model.core, [model.bases[mode] for mode in ("light", "view", "y", "x")], 1
+        model.core, [model.bases[mode] for mode in MODES], clustered=MODES.index("view")
     )
     # How each measured view of the model projects on every cluster: sum over k of u_k gram[c_k, c].
     projections = np.einsum("ikr,ikcrs->ics", basis, gram[members])

@@ -131,15 +131,15 @@ void register_kcta(py::module_& module) {
     module.def("fit_kcta", &fit_kcta, py::arg("samples"), py::arg("ranks"), py::kw_only(),
                py::arg("clustered") = 1, py::arg("clusters"), py::arg("mixtures"),
                py::arg("global_modes") = std::vector<Index>{0}, py::arg("directions"),
-               py::arg("iterations") = 20, py::arg("tolerance") = 1e-4, py::arg("seed") = 0,
+               py::arg("iterations") = 50, py::arg("tolerance") = 5e-4, py::arg("seed") = 0,
                py::arg("threads") = 0, py::arg("progress") = py::none(),
                R"(K-CTA of samples (light, view, y, x, channel); CTA if mixtures is 1.
 
 ranks: of (light rows, view, y, x), where light row channels * light + channel is one colour of one
 light. clustered: the clustered mode. clusters, mixtures: C and K. global_modes: modes whose basis
 all clusters share. directions: (I, any) coordinates of the clustered mode's rows; near ones start
-in one cluster. iterations, tolerance: stops when the sum of core norms changes by less than this
-part. The same seed gives the same bits for any threads (0: all). progress(fraction, message)
+in one cluster. iterations, tolerance: stops when neither the sum of core norms nor the error changes
+by more than this part, or when the error would rise. The same seed gives the same bits for any threads (0: all). progress(fraction, message)
 returns False to stop.
 
 Returns core (C, RL, RV, RY, RX), basis (of each mode; (1, I, K, R) for the clustered one, (1, I, 1,

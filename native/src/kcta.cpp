@@ -154,10 +154,12 @@ void Fit::iterate() {
             mixing_ = std::move(best_mixing);
             break;
         }
+        const double last = errors_.empty() ? 2 : errors_.back();  // no error is above 1
         errors_.push_back(error);
         const double norms = core_norms();
-        const bool converged =
-            iterations_ > 0 && std::abs(norms - best_norms) <= options_.tolerance * best_norms;
+        // The norms alone say little where the error is a small part of the energy.
+        const bool converged = std::abs(norms - best_norms) <= options_.tolerance * best_norms &&
+                               last - error <= options_.tolerance * last;
         if (converged || iterations_ == options_.iterations) break;
         best = clusters_;
         best_mixing = mixing_;

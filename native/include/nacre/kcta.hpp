@@ -20,8 +20,10 @@ struct KctaOptions {
     Index mixtures = 1;               // K
     std::vector<Index> global_modes;  // bases shared by all clusters (Section 5.2)
     MatrixD parameters;  // I_m x any: where each row of the clustered mode lies (Section 5.1)
-    int iterations = 20;
-    double tolerance = 1e-4;  // stop when the sum of core norms changes by less than this part
+    int iterations = 50;
+    // Stop when an iteration changes neither the sum of core norms (Algorithm 1) nor the error by
+    // more than this part.
+    double tolerance = 5e-4;
     std::uint64_t seed = 0;
 };
 

@@ -1,0 +1,61 @@
+#include "check.hpp"
+#include "nacre/blas.hpp"
+#include "nacre/gram.hpp"
+#include "nacre/streaming.hpp"
+
+using namespace nacre;
+
+int main() {
+    Executor executor(2), alone(1);
+    const std::vector<Shape> shapes = {{3, 4, 5, 2}, {1, 7, 1, 3}, {6}, {7, 30, 700}, {9000, 6}};
+    for (const Shape& shape : shapes) {
+        const Tensor tensor = random_tensor(shape, 2);
+        const MemorySource source(tensor.data(), shape);
+        for (std::size_t n = 0; n < shape.size(); ++n) {
+            const Index mode = static_cast<Index>(n);
+            const MatrixD unfolded = dense::unfold(dense::Array(tensor), n);
+            const MatrixD expected = unfolded * unfolded.transpose();
+            const MatrixD in_memory = gram(executor, tensor, mode);
+            const MatrixD streamed = gram(executor, source, mode);
+            const double scale = expected.diagonal().maxCoeff();
+            CHECK((in_memory - expected).cwiseAbs().maxCoeff() < 1e-6 * scale);
+            CHECK((streamed - expected).cwiseAbs().maxCoeff() < 1e-6 * scale);
+            CHECK(gram(alone, tensor, mode) == in_memory);
+            CHECK(gram(alone, source, mode) == streamed);
+
+            // The basis: orthonormal, by falling eigenvalue, the largest entry positive.
+            const Index rank = (shape[n] + 1) / 2;
+            const MatrixF basis = leading_basis(in_memory, rank);
+            CHECK(orthonormality_error(basis) < 1e-6);
+            double last = 1e300;
+            for (Index r = 0; r < rank; ++r) {
+                const VectorD u = basis.col(r).cast<double>();
+                const double value = u.dot(expected * u);
+                CHECK(value <= last + 1e-6 * scale);
+                last = value;
+                CHECK((expected * u - value * u).norm() < 1e-5 * scale);
+                Index largest;
+                u.cwiseAbs().maxCoeff(&largest);
+                CHECK(u(largest) > 0);
+            }
+        }
+    }
+    Tensor bad = random_tensor({4, 5}, 1);
+    bad.data()[7] = NAN;
+    CHECK(!message_of([&] { gram(executor, MemorySource(bad.data(), {4, 5}), 0); }).empty());
+
+    // Eigenvalues of a matrix known in closed form: 2 - 2 cos(k pi / (n + 1)).
+    MatrixD chain = MatrixD::Zero(9, 9);
+    for (Index i = 0; i < 9; ++i) {
+        chain(i, i) = 2;
+        if (i) chain(i, i - 1) = chain(i - 1, i) = -1;
+    }
+    MatrixD vectors = chain;
+    const VectorD values = symmetric_eigen(vectors);
+    for (Index k = 0; k < 9; ++k) {
+        CHECK_NEAR(values(k), 2 - 2 * std::cos((k + 1) * M_PI / 10), 1e-12);
+        const VectorD v = vectors.row(k);
+        CHECK((chain * v - values(k) * v).norm() < 1e-12);
+    }
+    std::puts("ok");
+}

@@ -1,0 +1,143 @@
+"""The model's node group in both engines against the same tables on the CPU."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.datasets.directions import spherical_to_unit
+from addon.errors import NacreError
+from addon.models.clustered_tucker import ClusteredTucker
+from addon.nodes import atlas
+from addon.nodes.material import MODEL_NODE, is_nacre_material, material_from_tables
+from addon.render.engines import ENGINES, render_pixels, set_engine
+from addon.render.pictures import flat_scene
+from addon.render.stage import add_camera, add_mesh, add_sun, new_scene, unit
+from addon.tables.evaluate import evaluate_patch, evaluate_points
+from addon.tables.tables import Tables, build_tables
+
+PAIRS = (((0.0, 0.0), (0.0, 0.0)), ((30.0, 60.0), (60.0, 90.0)), ((71.0, 13.0), (47.0, 251.0)))
+
+
+def _check_flat(tables: Tables, engine: str, size: tuple[int, int]) -> None:
+    material = material_from_tables(tables, "Test")
+    with flat_scene(material, size, engine) as flat:
+        for light, view in PAIRS:
+            flat.aim(light, view)
+            seen = render_pixels(flat.scene)
+            expected = evaluate_patch(tables, unit(light)[None], unit(view)[None])[0, 0]
+            assert expected.mean() > 0.01
+            assert np.abs(seen - expected).mean() < 0.01 * expected.mean(), (light, view)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_flat_patch_is_the_tables(engine: str, tables: Tables) -> None:
+    """Odd shapes throughout: ranks that fill no quad, two mixtures, a patch that is no square."""
+    _check_flat(tables, engine, (10, 12))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_nsvd_is_one_cluster(
+    engine: str, make_model: Callable[..., ClusteredTucker]
+) -> None:
+    model = make_model(clusters=1, mixtures=1, ranks=(5, 9, 5, 4))
+    _check_flat(build_tables(model, size=64), engine, (10, 12))
+
+
+def test_paper_sized_model_fits_cycles_stack(
+    make_model: Callable[..., ClusteredTucker],
+) -> None:
+    """K-CTA at Corduroy's ranks and N-SVD at as many: Cycles keeps at most 255 live values."""
+    for settings in ({"clusters": 8, "mixtures": 3}, {"clusters": 1, "mixtures": 1}):
+        rank_view = 4 if settings["clusters"] > 1 else 32
+        model = make_model(**settings, ranks=(20, rank_view, 5, 4))
+        _check_flat(build_tables(model, size=64), "cycles", (10, 12))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_oblique_camera_sees_points(engine: str, tables: Tables) -> None:
+    """The whole path: camera, tangent frame, sun and repeated texture, pixel by pixel."""
+    light, view = (40.0, 200.0), (50.0, 320.0)
+    material = material_from_tables(tables, "Test")
+    with new_scene((64, 64)) as scene:
+        plane = add_mesh(scene, "plane", material)
+        for corner in plane.data.uv_layers.active.uv:
+            corner.vector = [3.0 * value - 1.0 for value in corner.vector]
+        camera = add_camera(scene, view, 0.5)
+        from addon.nodes.material import set_light
+
+        set_light(material, add_sun(scene, light))
+        set_engine(scene, engine, 1)
+        scene.render.filter_size = 0.0
+        scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
+        seen = render_pixels(scene)
+        # Each pixel's ray meets the plane z = 0.
+        steps = (np.arange(64) + 0.5) / 64 - 0.5
+        right, up, towards = np.array(camera.matrix_world.to_3x3()).T
+        origin = 0.5 * (steps[None, :, None] * right + steps[:, None, None] * up)
+        hit = origin - towards * (origin[..., 2:] / towards[2])
+    uv = 3.0 * (hit[..., :2] + 0.5) - 1.0
+    count = uv[..., 0].size
+    expected = evaluate_points(
+        tables,
+        np.repeat(unit(light)[None], count, 0),
+        np.repeat(unit(view)[None], count, 0),
+        uv.reshape(-1, 2),
+    ).reshape(seen.shape)
+    assert np.abs(seen - expected).mean() < 0.01 * expected.mean()
+
+
+def test_no_light_below_the_horizon(tables: Tables) -> None:
+    below = evaluate_points(
+        tables,
+        spherical_to_unit([120.0], [30.0]),
+        spherical_to_unit([10.0], [0.0]),
+        np.array([[0.3, 0.4]]),
+    )
+    assert (below == 0.0).all()
+    material = material_from_tables(tables, "Test")
+    with flat_scene(material, (8, 8), "cycles") as flat:
+        flat.aim((120.0, 30.0), (10.0, 0.0))
+        assert render_pixels(flat.scene).max() == 0.0
+
+
+def test_material_survives_saving(tables: Tables, tmp_path) -> None:
+    """Images are packed with all their bits: a reopened file renders the same."""
+    material = material_from_tables(tables, "Test")
+    with flat_scene(material, (10, 12), "cycles") as flat:
+        flat.aim((30.0, 60.0), (60.0, 90.0))
+        before = render_pixels(flat.scene)
+    path = tmp_path / "material.blend"
+    bpy.data.libraries.write(str(path), {material}, fake_user=True)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with bpy.data.libraries.load(str(path)) as (source, target):
+        target.materials = source.materials
+    (material,) = target.materials
+    assert is_nacre_material(material)
+    with flat_scene(material, (10, 12), "cycles") as flat:
+        flat.aim((30.0, 60.0), (60.0, 90.0))
+        np.testing.assert_array_equal(render_pixels(flat.scene), before)
+
+
+def test_too_large_for_a_texture(tables: Tables, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A limit that this model passes stands for the real one: the error names both, no image is
+    left."""
+    monkeypatch.setattr(atlas, "LARGEST", 32)
+    with pytest.raises(NacreError, match="is the limit") as caught:
+        material_from_tables(tables, "Test")
+    assert "\n" not in str(caught.value)
+    assert not bpy.data.materials and not bpy.data.images and not bpy.data.node_groups
+
+
+def test_artist_facing_names(tables: Tables) -> None:
+    """Inputs carry tooltips, nodes can be found, and nothing of the graph is left over."""
+    material = material_from_tables(tables, "Wool")
+    group = material.node_tree.nodes[MODEL_NODE].node_tree
+    sockets = [item for item in group.interface.items_tree if item.item_type == "SOCKET"]
+    assert [socket.name for socket in sockets] == ["Value", "UV", "View", "Light"]
+    assert all(socket.description for socket in sockets)
+    assert material.node_tree.nodes["Repeat"]
+    assert len(bpy.data.images) == 3

@@ -1,0 +1,303 @@
+"""Each step as scripts and `blender -b` run it: what it leaves, and its one line when it fails."""
+
+import os
+import time
+
+import bpy
+import pytest
+
+from addon import jobs
+from addon.errors import Cancelled
+from addon.operators import compress, import_btf
+from addon.properties import first_light
+
+
+def fails(operator, **options) -> str:
+    """The one line that an operator reports instead of a result."""
+    with pytest.raises(RuntimeError) as caught:
+        operator(**options)
+    text = str(caught.value).strip()
+    assert text.startswith("Error: ")
+    assert "\n" not in text
+    return text.removeprefix("Error: ")
+
+
+def add_object(name, data, scene):
+    item = bpy.data.objects.new(name, data)
+    scene.collection.objects.link(item)
+    return item
+
+
+def add_light(scene, kind="SUN", name="Key"):
+    return add_object(name, bpy.data.lights.new(name, kind), scene)
+
+
+def add_mesh(scene, name, uv=True):
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
+    if uv:
+        mesh.uv_layers.new(name="UVMap")
+    item = add_object(name, mesh, scene)
+    item.select_set(True)
+    return item
+
+
+# --- import ---------------------------------------------------------------------------------------
+
+
+def test_importing_makes_the_dataset_beside_the_file(scene, sample):
+    assert bpy.ops.nacre.import_btf(filepath=str(sample)) == {"FINISHED"}
+    settings = scene.nacre
+    assert settings.dataset == str(sample.with_suffix(".nacre"))
+    assert settings.dataset_facts.split("\n") == [
+        "Directions\t81 lights × 81 views",
+        "Texels\t64 × 64",
+        "Size\t161 MB",
+    ]
+    assert settings.expected_size.startswith("up to ")
+    assert sorted(os.listdir(sample.parent)) == ["wool.btf", "wool.nacre"]
+
+
+def test_the_cosine_is_passed_on(monkeypatch, sample):
+    seen = []
+
+    def stop(source, destination, **options):
+        seen.append(options["cosine"])
+        raise Cancelled
+
+    monkeypatch.setattr(import_btf, "import_dataset", stop)
+    for name in ("AUTO", "INCLUDED", "NOT_INCLUDED"):
+        assert bpy.ops.nacre.import_btf(filepath=str(sample), cosine=name) == {"CANCELLED"}
+    assert seen == [None, 1, 0]
+
+
+def test_a_cancelled_import_leaves_nothing(scene, sample):
+    job = jobs.Job(
+        lambda progress: import_btf.import_dataset(
+            sample, sample.with_suffix(".nacre"), progress=progress
+        )
+    )
+    job.start()
+    end = time.monotonic() + 10
+    while job.fraction == 0.0 and time.monotonic() < end:
+        time.sleep(0.001)
+    job.cancel()
+    job.join()
+    assert isinstance(job.error, Cancelled)
+    assert os.listdir(sample.parent) == ["wool.btf"]
+
+
+def test_a_damaged_file_is_named_in_one_line(scene, sample):
+    sample.write_bytes(sample.read_bytes()[:-1])
+    assert "wool.btf" in fails(bpy.ops.nacre.import_btf, filepath=str(sample))
+    assert os.listdir(sample.parent) == ["wool.btf"]
+    assert scene.nacre.dataset == ""
+
+
+def test_no_file_to_import(tmp_path):
+    assert "choose a .btf" in fails(bpy.ops.nacre.import_btf)
+    assert "choose a .btf" in fails(bpy.ops.nacre.import_btf, filepath=str(tmp_path))
+    absent = tmp_path / "absent.btf"
+    assert "there is no file" in fails(bpy.ops.nacre.import_btf, filepath=str(absent))
+
+
+def test_a_folder_that_cannot_be_written_asks_for_another(monkeypatch, sample):
+    """As an extension it falls back on its own folder, which a checkout does not have."""
+    monkeypatch.setattr(import_btf, "_is_writable", lambda folder: False)
+    assert "give a dataset folder" in fails(bpy.ops.nacre.import_btf, filepath=str(sample))
+
+
+def test_a_folder_is_found_writable_by_writing(tmp_path):
+    assert import_btf._is_writable(tmp_path)
+    assert not import_btf._is_writable(tmp_path / "absent")
+    assert os.listdir(tmp_path) == []
+
+
+# --- compress -------------------------------------------------------------------------------------
+
+
+def test_compressing_saves_the_model_and_its_facts(scene, dataset, tmp_path):
+    settings = scene.nacre
+    settings.dataset, settings.quality = str(dataset), "DRAFT"
+    settings.output = str(tmp_path / "cloth.exr")
+    assert bpy.ops.nacre.compress() == {"FINISHED"}
+    assert settings.model == settings.output
+    facts = dict(row.split("\t") for row in settings.model_facts.split("\n"))
+    assert facts["Method"] == "K-CTA"
+    assert facts["SNR"].endswith(" dB")
+    assert "(1 : " in facts["Size"]
+    assert os.listdir(tmp_path) == ["cloth.exr"]
+
+
+def test_the_model_goes_beside_the_dataset(scene, model, dataset):
+    """`model` gives an output; without one the name is the dataset's."""
+    scene.nacre.dataset, scene.nacre.quality = str(dataset), "DRAFT"
+    assert bpy.ops.nacre.compress() == {"FINISHED"}
+    assert scene.nacre.model == str(dataset.with_suffix(".exr"))
+
+
+def test_compressing_needs_a_dataset(scene, tmp_path):
+    with pytest.raises(RuntimeError, match="Import a BTF or choose a dataset first"):
+        bpy.ops.nacre.compress()
+    scene.nacre.dataset = str(tmp_path)
+    assert "is not a Nacre dataset" in scene.nacre.dataset_facts
+    assert "is not a Nacre dataset" in fails(bpy.ops.nacre.compress)
+
+
+def test_a_model_is_an_exr_file_in_a_folder_that_exists(scene, dataset, tmp_path):
+    settings = scene.nacre
+    settings.dataset, settings.quality = str(dataset), "DRAFT"
+    settings.output = str(tmp_path / "cloth.png")
+    assert "ends in .exr" in fails(bpy.ops.nacre.compress)
+    settings.output = str(tmp_path / "absent" / "cloth.exr")
+    assert "no such folder" in fails(bpy.ops.nacre.compress)
+    assert settings.model == ""
+    assert os.listdir(tmp_path) == []
+
+
+def test_the_expected_size_follows_the_settings(scene, dataset):
+    settings = scene.nacre
+    settings.dataset = str(dataset)
+    sizes = []
+    for quality in ("DRAFT", "MEDIUM", "HIGH"):
+        settings.quality = quality
+        sizes.append(int(settings.expected_size.rsplit(" ", 1)[1].rstrip(")")))
+    assert sizes == sorted(sizes, reverse=True)
+    settings.dataset = ""
+    assert (settings.dataset_facts, settings.expected_size) == ("", "")
+
+
+def test_a_model_stays_below_the_size_announced(scene, dataset, model):
+    settings = scene.nacre
+    settings.dataset, settings.quality = str(dataset), "DRAFT"
+    announced = float(settings.expected_size.removeprefix("up to ").split(" kB")[0])
+    assert 0.5 * announced < model.stat().st_size / 1e3 <= announced
+
+
+def test_an_unforeseen_error_is_one_line_too(monkeypatch, scene, dataset):
+    def fail(path):
+        raise ZeroDivisionError("first\nsecond")
+
+    monkeypatch.setattr(compress, "open_dataset", fail)
+    scene.nacre.dataset = str(dataset)
+    text = fails(bpy.ops.nacre.compress)
+    assert text == "Compress failed: ZeroDivisionError first (details in the console)"
+
+
+# --- create material ------------------------------------------------------------------------------
+
+
+def test_a_material_on_the_selected_meshes(scene, model):
+    sun = add_light(scene)
+    meshes = [add_mesh(scene, "A"), add_mesh(scene, "B")]
+    other = bpy.data.materials.new("Other")
+    meshes[1].data.materials.append(other)
+    left = add_mesh(scene, "Left")
+    left.select_set(False)
+    scene.nacre.model = str(model)
+    assert bpy.ops.nacre.create_material() == {"FINISHED"}
+    material = bpy.data.materials["wool"]
+    assert [item.active_material for item in meshes] == [material, material]
+    assert len(meshes[1].material_slots) == 1
+    assert left.active_material is None
+    assert material.nacre.light == scene.nacre.light == sun
+
+
+def test_without_selection_it_makes_only_the_material(scene, model):
+    scene.nacre.model = str(model)
+    assert bpy.ops.nacre.create_material() == {"FINISHED"}
+    assert bpy.data.materials["wool"].nacre.light is None
+    assert bpy.data.materials["wool"].users == 0
+
+
+def test_another_light_takes_over(scene, model):
+    sun, spot = add_light(scene), add_light(scene, "SPOT", "Spot")
+    scene.nacre.model, scene.nacre.light = str(model), spot
+    assert bpy.ops.nacre.create_material() == {"FINISHED"}
+    material = bpy.data.materials["wool"]
+    assert followed(material) == {spot}
+    material.nacre.light = sun
+    assert followed(material) == {sun}
+    material.nacre.light = None
+    assert followed(material) == set()
+
+
+def followed(material):
+    data = material.node_tree.animation_data
+    return {
+        target.id
+        for curve in (data.drivers if data else ())
+        for variable in curve.driver.variables
+        for target in variable.targets
+    }
+
+
+def test_the_first_light_of_a_kind_that_can_be_followed(scene):
+    assert first_light(scene) is None
+    add_light(scene, "AREA", "A")
+    assert first_light(scene) is None
+    point = add_light(scene, "POINT", "B")
+    assert first_light(scene) == point
+
+
+def test_a_model_cut_short_is_named_in_one_line(scene, model, tmp_path):
+    short = tmp_path / "short.exr"
+    short.write_bytes(model.read_bytes()[:-100])
+    scene.nacre.model = str(short)
+    before = len(bpy.data.materials), len(bpy.data.images), len(bpy.data.node_groups)
+    assert "cut short" in scene.nacre.model_facts
+    assert "cut short" in fails(bpy.ops.nacre.create_material)
+    after = len(bpy.data.materials), len(bpy.data.images), len(bpy.data.node_groups)
+    assert after == before
+
+
+def test_a_material_needs_a_model():
+    with pytest.raises(RuntimeError, match="Compress a dataset or choose a model first"):
+        bpy.ops.nacre.create_material()
+
+
+def test_an_object_without_a_uv_map_is_warned_of(scene, model, capfd):
+    add_light(scene)
+    add_mesh(scene, "Bare", uv=False)
+    scene.nacre.model = str(model)
+    assert bpy.ops.nacre.create_material() == {"FINISHED"}
+    assert "Warning: No UV map on Bare" in capfd.readouterr().out
+
+
+def test_a_library_mesh_is_left_alone(scene, model, tmp_path):
+    """Linked objects cannot take a material: they are passed over."""
+    library = tmp_path / "library.blend"
+    item = add_mesh(scene, "Linked")
+    bpy.data.libraries.write(str(library), {item})
+    bpy.data.objects.remove(item)
+    with bpy.data.libraries.load(str(library), link=True) as (source, target):
+        target.objects = source.objects
+    scene.collection.objects.link(target.objects[0])
+    target.objects[0].select_set(True)
+    scene.nacre.model = str(model)
+    assert bpy.ops.nacre.create_material() == {"FINISHED"}
+    assert target.objects[0].active_material is None
+
+
+# --- cancel ---------------------------------------------------------------------------------------
+
+
+def test_there_is_nothing_to_cancel():
+    assert not bpy.ops.nacre.cancel.poll()
+
+
+def test_cancelling_stops_the_job_and_nothing_else_starts_before(scene, dataset):
+    def work(progress):
+        while progress(0.5, "Working"):
+            time.sleep(0.002)
+        raise Cancelled
+
+    job = jobs.Job(work, "nacre.compress")
+    job.start()
+    scene.nacre.dataset = str(dataset)
+    assert not bpy.ops.nacre.compress.poll()
+    assert not bpy.ops.nacre.import_btf.poll()
+    assert bpy.ops.nacre.cancel() == {"FINISHED"}
+    job.join(10)
+    assert job.done
+    assert bpy.ops.nacre.compress.poll()

@@ -1,0 +1,123 @@
+"""Panels draw in every state, from what is known already, and name only what exists."""
+
+import builtins
+from types import SimpleNamespace
+
+import bpy
+import pytest
+
+from addon import jobs, panels
+from addon.panels import layout as pieces
+
+
+class Layout:
+    """Stands in for UILayout: notes texts, and checks that properties and operators exist."""
+
+    def __init__(self, seen):
+        self.seen = seen
+
+    def _part(self, *args, **settings):
+        return Layout(self.seen)
+
+    row = column = split = box = _part
+
+    def label(self, text="", icon="NONE", translate=True):
+        self.seen.append(text)
+
+    def prop(self, data, name, index=0, text="", placeholder=""):
+        assert hasattr(data, name), name
+        self.seen.append(name)
+
+    def operator(self, name, text="", icon="NONE"):
+        group, _, operator = name.partition(".")
+        assert hasattr(bpy.types, f"{group.upper()}_OT_{operator}"), name
+        self.seen.append(name)
+
+    def progress(self, factor, text):
+        self.seen.append(("progress", factor, text))
+
+
+def region(width):
+    """What a context knows of the region; without a window Blender's interface scale is 0."""
+    preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))
+    return {"region": SimpleNamespace(width=width), "preferences": preferences}
+
+
+def draw(cls):
+    """What a panel shows, or None when it hides."""
+    context = SimpleNamespace(
+        scene=bpy.context.scene,
+        object=bpy.context.object,
+        **region(300),
+    )
+    if not cls.poll(context):
+        return None
+    seen = []
+    cls.draw(SimpleNamespace(layout=Layout(seen)), context)
+    return seen
+
+
+def by_name(name):
+    return next(cls for cls in panels.CLASSES if cls.__name__ == name)
+
+
+def test_an_empty_scene_shows_the_three_steps():
+    shown = {cls.__name__: draw(cls) for cls in panels.CLASSES}
+    assert "nacre.import_btf" in shown["NACRE_PT_import_btf"]
+    assert "nacre.compress" in shown["NACRE_PT_compress"]
+    assert "nacre.create_material" in shown["NACRE_PT_create_material"]
+    assert shown["NACRE_PT_missing_wheels"] is None
+    assert shown["NACRE_PT_active_material"] is None
+
+
+def test_panels_are_in_the_nacre_tab():
+    for cls in panels.CLASSES:
+        assert (cls.bl_space_type, cls.bl_region_type, cls.bl_category) == (
+            "VIEW_3D",
+            "UI",
+            "Nacre",
+        )
+
+
+def test_facts_are_drawn_without_reading_a_file(scene, dataset, model, monkeypatch):
+    scene.nacre.dataset, scene.nacre.model = str(dataset), str(model)
+    bpy.ops.mesh.primitive_plane_add()
+    assert bpy.ops.nacre.create_material() == {"FINISHED"}
+    monkeypatch.setattr(builtins, "open", None)
+    monkeypatch.setattr("os.stat", None)
+    assert "81 lights × 81 views" in draw(by_name("NACRE_PT_import_btf"))
+    assert any("dB" in text for text in draw(by_name("NACRE_PT_create_material")))
+    shown = draw(by_name("NACRE_PT_active_material"))
+    assert shown == ["wool", "light", "default_value", "default_value"]
+
+
+def test_a_problem_takes_as_many_lines_as_it_needs(scene, tmp_path):
+    scene.nacre.dataset = str(tmp_path)
+    shown = draw(by_name("NACRE_PT_import_btf"))
+    text = " ".join(shown[2:])
+    assert "is not a Nacre dataset" in text
+    assert max(map(len, shown)) < 45
+
+
+def test_progress_takes_the_place_of_the_button(monkeypatch):
+    job = jobs.Job(lambda progress: None, "nacre.compress")
+    job._progress(0.25, "Reading")
+    monkeypatch.setattr(jobs, "running", lambda: job)
+    shown = draw(by_name("NACRE_PT_compress"))
+    assert shown[-2:] == [("progress", 0.25, "Reading"), "nacre.cancel"]
+    assert "nacre.import_btf" in draw(by_name("NACRE_PT_import_btf"))
+
+
+def test_what_is_missing_takes_the_place_of_the_steps(monkeypatch):
+    monkeypatch.setattr(pieces.wheels, "missing", lambda: "The package x is missing")
+    shown = {cls.__name__: draw(cls) for cls in panels.CLASSES}
+    assert shown.pop("NACRE_PT_missing_wheels") == ["The package x is missing"]
+    assert set(shown.values()) == {None}
+
+
+@pytest.mark.parametrize("width", [60, 200, 4000])
+def test_any_width_will_do(width):
+    seen = []
+    context = SimpleNamespace(**region(width))
+    pieces.draw_text(context, Layout(seen), "a few words " * 10, icon="ERROR")
+    assert " ".join(seen) == ("a few words " * 10).strip()
