@@ -12,32 +12,36 @@ TYPED := $(wildcard addon/errors.py addon/cli.py addon/datasets addon/models add
 NATIVE_TESTS := build/native-tests
 
 .DEFAULT_GOAL := help
-.PHONY: help setup missing-packages demo test lint test-native test-python acceptance bench \
+.PHONY: help setup .venv missing-packages demo test lint test-native test-python acceptance bench \
 	extension format clean
+.NOTPARALLEL:
 # Folders of other projects would shadow ours.
 unexport PYTHONPATH
 
 help: ## Show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 20
 
-setup: ## Make .venv, and .venv-311 where both Pythons are there (the others do this first)
+setup: ## Make .venv, and .venv-311 where both Pythons are there (done first wherever it is needed)
 	@$(or $(BOOTSTRAP),python3) -m tools.setup
+
+.venv:
+	@$(or $(BOOTSTRAP),python3) -m tools.setup --main-only
 
 missing-packages: # Print the system packages that setup would ask for
 	@$(or $(BOOTSTRAP),python3) -m tools.setup --missing-packages
 
-demo: setup ## Compress a measured material and render it with EEVEE and Cycles into out/demo
+demo: .venv ## Compress a measured material and render it with EEVEE and Cycles into out/demo
 	@$(PYTHON) -m tools.demo
 
-test: lint test-native test-python ## Run every check and test
+test: setup lint test-native test-python ## Run every check and test
 
-lint: setup ## Check style and types
+lint: .venv ## Check style and types
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m ruff format --check .
 	$(CLANG_FORMAT) --dry-run -Werror $(NATIVE_FILES)
 	$(PYTHON) -m mypy $(TYPED)
 
-test-native: setup ## Build and run the C++ tests
+test-native: .venv ## Build and run the C++ tests
 	$(PYTHON) -m cmake -S native -B $(NATIVE_TESTS) -G Ninja -DNACRE_TESTS=ON \
 		-DCMAKE_MAKE_PROGRAM="$(CURDIR)/.venv/bin/ninja" -DPython_EXECUTABLE="$(CURDIR)/$(PYTHON)"
 	$(PYTHON) -m cmake --build $(NATIVE_TESTS)
@@ -50,14 +54,14 @@ test-python: setup ## Run the Python tests in each environment
 acceptance: setup ## Run the long tests that `make test` leaves out
 	$(PYTHON) -m pytest -m acceptance
 
-bench: setup ## Run every benchmark
+bench: .venv ## Run every benchmark
 	@for file in benchmarks/[!_]*.py; do $(PYTHON) -m "benchmarks.$$(basename "$$file" .py)" || exit; done
 
 # EXTRA_WHEELS is a folder with wheels of native/ built elsewhere, for Pythons that are not here.
-extension: setup ## Build dist/nacre-VERSION.zip
+extension: .venv ## Build dist/nacre-VERSION.zip
 	@$(PYTHON) -m tools.extension $(if $(EXTRA_WHEELS),"$(EXTRA_WHEELS)")
 
-format: setup ## Rewrite the sources in the project's style
+format: .venv ## Rewrite the sources in the project's style
 	$(PYTHON) -m ruff check --fix-only --quiet .
 	$(PYTHON) -m ruff format .
 	$(CLANG_FORMAT) -i $(NATIVE_FILES)

@@ -26,6 +26,7 @@ def dataset_facts(path: str) -> str:
         dataset = open_dataset(path)
         lights, views, height, width, _ = dataset.shape
         return {
+            "Name": dataset.path.name,
             "Directions": _directions(lights, views),
             "Texels": f"{width} × {height}",
             "Size": size_text(dataset.samples.nbytes),
@@ -43,6 +44,7 @@ def model_facts(path: str) -> str:
         model = load_model(path)
         size = os.path.getsize(path)
         rows = {
+            "Name": os.path.basename(path),
             "Method": METHODS.get(str(model.fit.get("method")), "Clustered Tucker"),
             "Size": f"{size_text(size)} (1 : {round(4 * math.prod(model.shape) / size)})",
         }
@@ -71,7 +73,7 @@ def _source_facts(path: str, cosine: int | None, _changed: int, _size: int) -> s
             "Directions": _directions(source["light"], source["view"]),
             "Texels": f"{source['width']} × {source['height']}",
             "File": size_text(source["bytes"]),
-            "Dataset": size_text(samples),
+            "On Disk": size_text(samples),
             "Memory": f"about {size_text(4 * min(samples, BLOCK_BYTES))}",
         }
 
@@ -115,5 +117,6 @@ def _facts(describe: Callable[[], dict[str, str]], path: str) -> str:
         rows = describe()
     except (NacreError, ImportError, OSError) as error:
         # The path is on display already, and a panel is narrow.
-        return "\t" + str(error).replace(f"{path}: ", "").replace(path, Path(path).name)
+        full = str(Path(path))
+        return "\t" + str(error).replace(f"{full}: ", "").replace(full, Path(path).name)
     return "\n".join(f"{name}\t{value}" for name, value in rows.items())

@@ -34,6 +34,7 @@ class Job(threading.Thread):
         self.result: Any = None
         self.error: BaseException | None = None
         self.timer: bpy.types.Timer | None = None
+        self.shown = ""
         self._work = work
         self._cancelled = threading.Event()
         self._begun = time.monotonic()
@@ -69,16 +70,16 @@ class Job(threading.Thread):
         return elapsed * (1.0 - self.fraction) / self.fraction
 
     def text(self) -> str:
-        """The progress in a few words, for a bar or the status line."""
+        """How far it is and how long it will take, short enough for a bar."""
         iface = bpy.app.translations.pgettext_iface
         if self.cancelled:
             return iface("Cancelling")
         left = self.seconds_left
         if left is None:
-            return self.message
+            return f"{self.fraction:.0%}"
         if left < 90:
-            return iface("{:s}, {:d} s left").format(self.message, round(left))
-        return iface("{:s}, {:d} min left").format(self.message, round(left / 60))
+            return iface("{:.0%}, {:d} s left").format(self.fraction, round(left))
+        return iface("{:.0%}, {:d} min left").format(self.fraction, round(left / 60))
 
 
 def running() -> Job | None:
@@ -127,7 +128,7 @@ class JobOperator:
         if bpy.app.background:  # no window, so no timer
             return self.execute(context)
         try:
-            self._job = Job(self.prepare(context), self.bl_idname)
+            self._job = Job(self.prepare(context), type(self).bl_idname)
         except Exception as error:
             return self._fail(error)
         manager = context.window_manager
@@ -184,8 +185,11 @@ class JobOperator:
 def _show(context: bpy.types.Context, job: Job) -> None:
     """Bring status line and panels up to date."""
     key = bpy.app.translations.pgettext_iface("Esc: Cancel")
-    context.workspace.status_text_set(f"{job.text()}  ({job.fraction:.0%})    {key}")
-    _redraw_sidebars(context.window_manager)
+    text = f"{job.message}: {job.text()}    {key}"
+    if text != job.shown:
+        job.shown = text
+        context.workspace.status_text_set(text)
+        _redraw_sidebars(context.window_manager)
 
 
 def _leave(job: Job) -> None:

@@ -1,7 +1,7 @@
 """Make the virtual environments: `python3 -m tools.setup`. Where nothing changed it does nothing.
 
 `.venv` is for Blender 5.2 where Python 3.13 is there, otherwise for 4.5; `.venv-311` is for 4.5
-where both Pythons are there.
+where both Pythons are there, and left out by `--main-only`.
 """
 
 from __future__ import annotations
@@ -114,6 +114,8 @@ def main() -> None:
     if "--missing-packages" in sys.argv:
         sys.stdout.writelines(f"{name}\n" for name in system.packages(faults + system.faults()))
         return
+    if "--main-only" in sys.argv:
+        wanted = wanted[:1]
     native = sources_digest()
     up_to_date = wanted and all(
         environment.installed().get("native") == native

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import inf, log10
+from math import isfinite, log10
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..errors import NacreError
 
 
 def compare_blocks(
@@ -15,7 +17,8 @@ def compare_blocks(
     """Compare reference blocks with approximations of the same shapes, one pair at a time.
 
     Returns snr_db = 10 log10(sum A^2 / sum (A - B)^2), psnr_db against `peak` (max |A| when None),
-    mse and max_abs; a ratio over no error at all is None, as JSON has no infinity.
+    mse and max_abs. A ratio is None where it is infinite, as JSON has no infinity. Raises
+    NacreError for values that are not finite.
     """
     energy = error = largest = highest = 0.0
     count = 0
@@ -27,6 +30,8 @@ def compare_blocks(
         largest = max(largest, float(np.abs(difference).max(initial=0.0)))
         highest = max(highest, float(np.abs(reference).max(initial=0.0)))
         count += reference.size
+    if not isfinite(energy + error):
+        raise NacreError("cannot compare values that are not finite numbers")
     mse = error / max(count, 1)
     top = highest if peak is None else peak
     return {
@@ -38,6 +43,4 @@ def compare_blocks(
 
 
 def _decibels(signal: float, noise: float) -> float | None:
-    if noise == 0.0:
-        return None
-    return 10.0 * log10(signal / noise) if signal > 0.0 else -inf
+    return 10.0 * log10(signal / noise) if signal > 0.0 and noise > 0.0 else None

@@ -1,8 +1,8 @@
 """Clustered Tucker: the one representation behind N-SVD, CTA, K-CTA and MK-CTA.
 
-    A  ~  sum over cluster vectors c of  Z_c  x_1 U_1,c  x_2 U_2,c ... x_N U_N,c        (K-CTA, Eq. 8)
+    A  ~  sum over cluster vectors c of  Z_c  x_1 U_1,c  x_2 U_2,c ... x_N U_N,c     (K-CTA, Eq. 8)
 
-Colour folds into the light mode: its rows are 3 * light + channel, so one core serves all channels.
+Colour folds into the light mode, whose rows are channels * light + channel: one core serves all.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import prod
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +39,8 @@ class ClusteredTucker:
     bases: Mapping[str, NDArray[np.float32]]
     members: Mapping[str, NDArray[np.uint32]]
     clusters: Mapping[str, int]
-    dataset: Mapping[str, object]
-    fit: Mapping[str, object] = field(default_factory=dict)
+    dataset: Mapping[str, Any]
+    fit: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def ranks(self) -> dict[str, int]:
@@ -54,7 +55,7 @@ class ClusteredTucker:
     @property
     def channels(self) -> int:
         """Colour channels, folded into the light mode."""
-        return len(self.dataset["channels"])  # type: ignore[arg-type]
+        return len(self.dataset["channels"])
 
     @property
     def shape(self) -> tuple[int, int, int, int, int]:
@@ -79,12 +80,14 @@ class ClusteredTucker:
             "x": np.arange(self.shape[3])[x],
         }
         block = np.zeros([len(rows[mode]) for mode in MODES], np.float32)
+        # Modes after the last clustered one are whole in every cluster: adding slices is faster.
+        scattered = max((MODES.index(mode) + 1 for mode in self.clusters), default=0)
         for cluster in range(len(self.core)):
-            places, factors = zip(
-                *(self._member_rows(mode, cluster, rows[mode]) for mode in MODES), strict=True
+            members = [self._member_rows(mode, cluster, rows[mode]) for mode in MODES]
+            places = [place for place, _ in members]
+            block[np.ix_(*places[:scattered])] += expand(
+                self.core[cluster], [factor for _, factor in members]
             )
-            if all(len(place) for place in places):
-                block[np.ix_(*places)] += expand(self.core[cluster], factors)
         lit = block.reshape(len(lights), channels, *block.shape[1:])
         return np.ascontiguousarray(np.moveaxis(lit, 1, -1))
 
@@ -92,13 +95,11 @@ class ClusteredTucker:
         self, mode: str, cluster: int, rows: NDArray[np.intp]
     ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
         """Where in `rows` the members of a cluster stand, and their basis rows (members, R)."""
+        vector = self._cluster_vector(cluster)
         basis = self.bases[mode]
-        vector = dict(
-            zip(self.clusters, np.unravel_index(cluster, [*self.clusters.values()]), strict=True)
-        ) if self.clusters else {}
-        others = [name for name in self.clusters if name != mode]
         owner = 0
         if len(basis) > 1:
+            others = [name for name in self.clusters if name != mode]
             owner = int(
                 np.ravel_multi_index(
                     [vector[name] for name in others], [self.clusters[name] for name in others]
@@ -107,21 +108,29 @@ class ClusteredTucker:
         if mode not in self.members:
             return np.arange(len(rows)), basis[owner, rows, 0]
         tied = basis.shape[1] // len(self.members[mode])  # colour rows share their light's clusters
-        member = self.members[mode][rows // tied] == vector[mode]
-        places, slots = np.nonzero(member)
+        places, slots = np.nonzero(self.members[mode][rows // tied] == vector[mode])
         return places, basis[owner, rows[places], slots]
 
+    def _cluster_vector(self, cluster: int) -> dict[str, int]:
+        """The cluster of each clustered mode that a core belongs to."""
+        vector = []
+        for count in reversed([*self.clusters.values()]):
+            cluster, last = divmod(cluster, count)
+            vector.append(last)
+        return dict(zip(self.clusters, reversed(vector), strict=True))
 
-def expand(core: NDArray[np.float32], factors: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
+
+def expand(
+    core: NDArray[np.float32], factors: Sequence[NDArray[np.float32]]
+) -> NDArray[np.float32]:
     """Mode products core x_1 F_1 x_2 F_2 ... (K-CTA, Eq. 3); factors are (I_n, R_n)."""
     # The mode that grows most goes last, so that the earlier products stay small.
     growth = [factor.shape[0] / factor.shape[1] for factor in factors]
     for mode in np.argsort(growth, kind="stable"):
-        core = np.moveaxis(np.tensordot(factors[mode], core, (1, mode)), 0, mode)
+        before, rank, after = core.shape[:mode], core.shape[mode], core.shape[mode + 1 :]
+        if after:
+            core = factors[mode] @ core.reshape(prod(before), rank, prod(after))
+        else:  # one matrix product instead of one for each row
+            core = core.reshape(prod(before), rank) @ factors[mode].T
+        core = core.reshape(*before, len(factors[mode]), *after)
     return core
-
-
-def stored_values(model: ClusteredTucker) -> int:
-    """Half floats and indices the model stores, the measure of the papers' size columns."""
-    arrays = [model.core, *model.bases.values(), *model.members.values()]
-    return sum(prod(array.shape) for array in arrays)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from math import log10
+from typing import Any
 
 import nacre_native
 import numpy as np
+from numpy.typing import NDArray
 
 from ..datasets.dataset import Dataset
 from ..errors import Cancelled, NacreError
@@ -75,11 +77,14 @@ def compress(
     clusters, mixtures = dict(clusters or {}), dict(mixtures or {})
     _check(dataset, method, ranks, clusters, mixtures, global_modes)
     started = time.monotonic()
-    common = {"threads": threads, "progress": progress}
     order = tuple(ranks[mode] for mode in MODES)
+    members: dict[str, NDArray[np.uint32]] = {}
+    result: nacre_native.NsvdModel | nacre_native.KctaModel
     try:
         if method == "nsvd":
-            result = nacre_native.fit_nsvd(dataset.samples, order, **common)
+            result = nacre_native.fit_nsvd(
+                dataset.samples, order, threads=threads, progress=progress
+            )
         else:
             ((mode, count),) = clusters.items()
             result = nacre_native.fit_kcta(
@@ -91,13 +96,14 @@ def compress(
                 global_modes=tuple(MODES.index(name) for name in global_modes),
                 directions=dataset.view,
                 seed=seed,
-                **common,
+                threads=threads,
+                progress=progress,
             )
+            members[mode] = result["members"]
     except nacre_native.Cancelled as error:
         raise Cancelled from error
     except ValueError as error:
         raise NacreError(f"{dataset.path.name}: {error}") from error
-    members = {mode: np.asarray(result["members"]) for mode in clusters}
     errors = [float(error) for error in result["errors"]]
     model = ClusteredTucker(
         core=result["core"],
@@ -138,7 +144,9 @@ def _check(
     sizes = dict(zip(MODES, (channels * lights, views, height, width), strict=True))
     for mode in MODES:
         if mode not in ranks:
-            raise NacreError(f"no rank for the mode {mode}: give --ranks light=..,view=..,y=..,x=..")
+            raise NacreError(
+                f"no rank for the mode {mode}: give --ranks light=..,view=..,y=..,x=.."
+            )
         if ranks[mode] > sizes[mode]:
             raise NacreError(
                 f"rank {mode}={ranks[mode]} is larger than the mode, which has {sizes[mode]} rows"
@@ -171,7 +179,7 @@ def _energy(dataset: Dataset) -> float:
     return sum(float(np.vdot(block, block)) for block in blocks)
 
 
-def _describe(dataset: Dataset) -> dict[str, object]:
+def _describe(dataset: Dataset) -> dict[str, Any]:
     """What a model keeps of its dataset, JSON-able."""
     return {
         "light": dataset.light.tolist(),
@@ -181,5 +189,4 @@ def _describe(dataset: Dataset) -> dict[str, object]:
         "periodic": dataset.periodic,
         "noise_floor_db": dataset.noise_floor_db,
         "source": dataset.source,
-        "raw_bytes": dataset.raw_bytes,
     }

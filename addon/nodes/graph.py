@@ -78,7 +78,9 @@ class Graph:
 
     def operate(self, operation: str, *operands: Operand) -> Wire:
         """One Math or Vector Math node, vector when any operand is; scalars spread over vectors."""
-        vector = any(isinstance(o, tuple) or (isinstance(o, Wire) and o.is_vector) for o in operands)
+        vector = any(
+            isinstance(o, tuple) or (isinstance(o, Wire) and o.is_vector) for o in operands
+        )
         if vector and operation == "MULTIPLY":
             scalars = [o for o in operands if not isinstance(o, tuple) and not _is_vector(o)]
             if len(scalars) == 1:

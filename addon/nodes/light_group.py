@@ -33,9 +33,7 @@ def light_group() -> bpy.types.ShaderNodeTree:
         return bpy.data.node_groups[NAME]
     tree = bpy.data.node_groups.new(NAME, "ShaderNodeTree")
     for label, kind, value, tip in SOCKETS:
-        socket = tree.interface.new_socket(
-            label, in_out="INPUT", socket_type=f"NodeSocket{kind}"
-        )
+        socket = tree.interface.new_socket(label, in_out="INPUT", socket_type=f"NodeSocket{kind}")
         socket.default_value, socket.description = value, tip
     tree.interface.new_socket("Direction", in_out="OUTPUT", socket_type="NodeSocketVector")
     tree.interface.new_socket("Radiance", in_out="OUTPUT", socket_type="NodeSocketColor")

@@ -12,7 +12,6 @@ from .model_group import make_model_group
 
 MODEL_NODE = "Nacre Model"
 LIGHT_NODE = "Nacre Light"
-LIGHT_KINDS = {"SUN", "POINT", "SPOT"}
 
 
 def material_from_tables(

@@ -154,7 +154,7 @@ def _bilinear(
 
 
 def _parabolic(g: Graph, direction: Wire, size: int, atlas: Atlas) -> Wire:
-    """Texture coordinates, within an atlas's first tile, of a direction's texel (tables.parabolic)."""
+    """Where a direction's texel is in an atlas's first tile (tables.parabolic)."""
     x, y, z = g.separate(direction)
     reach = g.length(g.combine(x, y))
     divisor = g.math("MAXIMUM", g.math("MAXIMUM", z + 1.0, reach), 1e-6)

@@ -5,7 +5,6 @@ from pathlib import Path
 import bpy
 
 from ..datasets.dataset import open_dataset
-from ..errors import NacreError
 from ..facts import parse_facts
 from ..jobs import JobOperator, Progress, Work
 from .ready import is_ready
@@ -27,15 +26,16 @@ class NACRE_OT_compress(JobOperator, bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Work:
         from ..models.exr import save_model
+        from ..models.exr_arrays import check_destination
         from ..models.fit import compress, quality_settings
 
         chosen = context.scene.nacre
         dataset = open_dataset(bpy.path.abspath(chosen.dataset))
         method = chosen.method.lower()
         settings = quality_settings(dataset, method, chosen.quality)
-        output = Path(bpy.path.abspath(chosen.output) or dataset.path.with_suffix(".exr"))
-        if output.suffix.lower() != ".exr":
-            raise NacreError(f"{output.name}: the name of a model ends in .exr")
+        output = check_destination(
+            bpy.path.abspath(chosen.output) or dataset.path.with_suffix(".exr")
+        )
 
         def work(progress: Progress) -> Path:
             save_model(compress(dataset, method, **settings, progress=progress), output)
@@ -46,5 +46,5 @@ class NACRE_OT_compress(JobOperator, bpy.types.Operator):
     def finish(self, context: bpy.types.Context, result: Path) -> None:
         chosen = context.scene.nacre
         chosen.model = str(result)
-        facts = ", ".join(f"{name} {value}" for name, value in parse_facts(chosen.model_facts))
+        facts = ", ".join(value for _, value in parse_facts(chosen.model_facts)[1:])
         self.report({"INFO"}, f"Saved {result.name}: {facts}")

@@ -24,20 +24,20 @@ class NACRE_OT_import_btf(JobOperator, bpy.types.Operator, ImportHelper):
     bl_idname = "nacre.import_btf"
     bl_label = "Import BTF"
     # The file browser would push an undo step before the work is done: `finish` pushes it instead.
-    bl_options = {"PRESET"}
+    bl_options = {"REGISTER"}
 
     filter_glob: StringProperty(default="*.btf;*.zip", options={"HIDDEN"})
     filepath: StringProperty(
         name="File",
         description="Measured BTF: a .btf of Bonn's, or a .zip of images named by their angles",
         subtype="FILE_PATH",
-        options={"SKIP_SAVE", "SKIP_PRESET", "HIDDEN"},
+        options={"SKIP_SAVE", "HIDDEN"},
     )
     destination: StringProperty(
-        name="Dataset",
-        description="Folder to write; when empty, NAME.nacre beside the file, or among Blender's "
-        "own files where that cannot be written",
-        options={"SKIP_SAVE", "SKIP_PRESET"},
+        name="Save As",
+        description="Dataset folder to write; when empty, NAME.nacre beside the file, or among "
+        "Blender's own files where that cannot be written",
+        options={"SKIP_SAVE"},
     )
     cosine: EnumProperty(
         name="Cosine",

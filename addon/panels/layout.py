@@ -67,3 +67,4 @@ def draw_step(layout: bpy.types.UILayout, operator: str, icon: str, text: str = 
     row.scale_y = 1.3
     row.progress(factor=job.fraction, text=job.text())
     row.operator("nacre.cancel", text="", icon="X")
+    layout.label(text=job.message)

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import bpy
 
-from ..nodes.material import LIGHT_NODE, MODEL_NODE, set_light
+from ..nodes.material import MODEL_NODE, set_light
 from .engines import set_engine
 from .stage import add_camera, add_mesh, add_sun, new_scene, unit
 
@@ -68,6 +68,3 @@ def object_scene(
         set_engine(scene, engine, samples)
         scene.cycles.max_bounces = 0  # the material is measured: nothing bounces that it lacks
         yield scene
-
-
-__all__ = ["LIGHT_NODE", "Direction", "FlatScene", "flat_scene", "object_scene"]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from math import ceil, pi, radians
+from math import ceil, pi
 from pathlib import Path
 
 import bmesh
@@ -21,7 +21,10 @@ MESH_IMPORTERS = {".obj": "obj_import", ".ply": "ply_import", ".stl": "stl_impor
 @contextmanager
 def new_scene(size: tuple[int, int]) -> Iterator[bpy.types.Scene]:
     """An empty scene of a picture size (width, height); what it held is removed at the end."""
-    before = {kind: set(getattr(bpy.data, kind)) for kind in ("objects", "meshes", "lights", "cameras", "worlds")}
+    before = {
+        kind: set(getattr(bpy.data, kind))
+        for kind in ("objects", "meshes", "lights", "cameras", "worlds")
+    }
     scene = bpy.data.scenes.new("Nacre")
     scene.render.resolution_x, scene.render.resolution_y = size
     scene.render.resolution_percentage = 100
@@ -63,9 +66,10 @@ def add_camera(
     # Up is +z where that can be seen, and +y for a view straight from above.
     up = Vector((0, 0, 1)) if towards.z < 0.9999 else Vector((0, 1, 0))
     right = up.cross(towards).normalized()
-    item.matrix_world = Matrix.Translation(towards * 10.0) @ Matrix(
-        (right, towards.cross(right), towards)
-    ).transposed().to_4x4()
+    item.matrix_world = (
+        Matrix.Translation(towards * 10.0)
+        @ Matrix((right, towards.cross(right), towards)).transposed().to_4x4()
+    )
     scene.collection.objects.link(item)
     scene.camera = item
     return item
@@ -98,20 +102,26 @@ def add_mesh(
     return item
 
 
-def grid_mesh(
-    name: str, cells: int, surface, repeat: float, wrap: bool = False
-) -> bpy.types.Mesh:
+def grid_mesh(name: str, cells: int, surface, repeat: float, wrap: bool = False) -> bpy.types.Mesh:
     """A smooth mesh of cells x cells quads from surface(u, v) -> (x, y, z), UVs times `repeat`."""
     steps = np.linspace(0.0, 1.0, cells + 1)
     vertices = [surface(u, v) for v in steps for u in steps]
     row = cells + 1
-    corners = [(i + j * row, i + 1 + j * row, i + 1 + (j + 1) * row, i + (j + 1) * row)
-               for j in range(cells) for i in range(cells)]
+    corners = [
+        (i + j * row, i + 1 + j * row, i + 1 + (j + 1) * row, i + (j + 1) * row)
+        for j in range(cells)
+        for i in range(cells)
+    ]
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(vertices, [], corners)
     across = (repeat, repeat / 2) if wrap else (repeat, repeat)
-    uvs = np.array([(steps[i % row] * across[0], steps[i // row] * across[1])
-                    for corner in corners for i in corner])
+    uvs = np.array(
+        [
+            (steps[i % row] * across[0], steps[i // row] * across[1])
+            for corner in corners
+            for i in corner
+        ]
+    )
     mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", uvs.astype(np.float32).ravel())
     if wrap:  # the first and last columns are one seam, and each pole one vertex
         shape = bmesh.new()
@@ -155,7 +165,7 @@ def _read_mesh(path: Path, repeat: float) -> bpy.types.Mesh:
     mesh.vertices.foreach_get("co", points)
     points = points.reshape(-1, 3)
     low, high = points.min(0), points.max(0)
-    points = (points - (low + high) / 2) * (2.0 / max(radians(1e-6), (high - low).max()))
+    points = (points - (low + high) / 2) * (2.0 / max(1e-9, (high - low).max()))
     mesh.vertices.foreach_set("co", points.ravel())
     if not mesh.uv_layers:
         mesh.uv_layers.new(name="UVMap")

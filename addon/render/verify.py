@@ -12,8 +12,9 @@ from ..datasets.directions import spherical_to_unit, unit_to_spherical
 from ..errors import Cancelled
 from ..models.clustered_tucker import ClusteredTucker
 from ..nodes.material import material_from_tables
+from ..tables.against_model import tables_against_model
 from ..tables.evaluate import evaluate_patch
-from ..tables.tables import Tables, build_tables
+from ..tables.tables import build_tables
 from .engines import render_pixels
 from .pictures import flat_scene
 
@@ -29,7 +30,8 @@ def verify(
     """Errors of each evaluator, absolute and relative to the mean of what it is compared with.
 
     Engines' pictures of the flat patch are compared with the same tables evaluated on the CPU, and
-    under "tables" the tables with the model itself on the whole measured grid, clamped at 0.
+    under "tables" the tables with the model itself on the whole measured grid, clamped at 0. Under
+    "fetches", the RGBA texels read for one light at one spatial tap.
     """
 
     def step(fraction: float, message: str) -> None:
@@ -38,7 +40,7 @@ def verify(
 
     step(0.0, "Building tables")
     tables = build_tables(model)
-    results = {"tables": tables_against_model(model, tables)}
+    results: dict[str, dict[str, float]] = {"tables": tables_against_model(model, tables)}
     material = material_from_tables(tables, "verify")
     _, _, height, width, _ = model.shape
     for number, engine in enumerate(engines):
@@ -56,6 +58,7 @@ def verify(
         seen, expected = (np.stack(pictures) for pictures in zip(*measures, strict=True))
         results[engine] = errors(seen, expected)
     bpy.data.materials.remove(material)
+    results["fetches"] = dict(tables.fetches)
     step(1.0, "Verified")
     return results
 
@@ -67,24 +70,6 @@ def errors(seen: NDArray[np.floating], expected: NDArray[np.floating]) -> dict[s
         "mean_abs": float(difference.mean()),
         "relative": float(difference.mean() / max(float(expected.mean()), 1e-12)),
         "max_abs": float(difference.max()),
-    }
-
-
-def tables_against_model(model: ClusteredTucker, tables: Tables) -> dict[str, float]:
-    """Errors of the tables at every measured light and view, clamped at 0 on both sides."""
-    lights = np.asarray(model.dataset["light"])
-    difference = total = largest = 0.0
-    for number, view in enumerate(np.asarray(model.dataset["view"])):
-        expected = np.maximum(model.decode(view=[number]), 0.0)
-        error = np.abs(evaluate_patch(tables, lights, view[None]) - expected)
-        difference += float(error.sum(dtype=float))
-        total += float(expected.sum(dtype=float))
-        largest = max(largest, float(error.max()))
-    count = int(np.prod(model.shape))
-    return {
-        "mean_abs": difference / count,
-        "relative": difference / max(total, 1e-12),
-        "max_abs": largest,
     }
 
 

@@ -85,8 +85,8 @@ def build_tables(
     measured_lights = np.asarray(model.dataset["light"], float)
     weights = thin_plate_weights(measured_lights, directions)
     weights *= horizon_fade(measured_lights, directions)[:, None]
-    light = model.bases["light"][0, :, 0]
-    light = weights @ light.reshape(len(measured_lights), -1)
+    rows = model.bases["light"][0, :, 0]
+    light = weights @ rows.reshape(len(measured_lights), -1)
     light = light.reshape(size, size, model.channels, -1).transpose(2, 0, 1, 3)
 
     step(0.2, "Resampling views")
@@ -107,7 +107,7 @@ def build_tables(
 def _resample_views(
     model: ClusteredTucker, directions: NDArray[np.float64]
 ) -> tuple[NDArray[np.uint32], NDArray[np.float64]]:
-    """Clusters (n, K) and mixing coefficients (n, K, R) of the model's view subtensors at n views."""
+    """Clusters (n, K) and mixing coefficients (n, K, R) of the view subtensors at n views."""
     measured = np.asarray(model.dataset["view"], float)
     basis = model.bases["view"][0].astype(float)
     members = model.members.get("view", np.zeros((len(basis), 1), np.uint32))

@@ -27,8 +27,7 @@ py::dict fit_kcta(const py::array& samples, const std::vector<Index>& ranks, Ind
     options.tolerance = tolerance;
     options.seed = seed;
     const auto points = array_argument<double>(directions, "directions", 2);
-    options.parameters =
-        Eigen::Map<const MatrixD>(points.data(), points.shape(0), points.shape(1));
+    options.parameters = Eigen::Map<const MatrixD>(points.data(), points.shape(0), points.shape(1));
 
     const Executor::Progress callback = progress_callback(progress);
     Kcta model;
@@ -55,8 +54,8 @@ py::dict fit_kcta(const py::array& samples, const std::vector<Index>& ranks, Ind
         }
         const std::vector<MatrixF>& bases = model.bases[n];
         const py::ssize_t owners = static_cast<py::ssize_t>(bases.size());
-        py::array_t<float> array({owners, py::ssize_t{bases[0].rows()}, py::ssize_t{1},
-                                  py::ssize_t{bases[0].cols()}});
+        py::array_t<float> array(
+            {owners, py::ssize_t{bases[0].rows()}, py::ssize_t{1}, py::ssize_t{bases[0].cols()}});
         for (py::ssize_t o = 0; o < owners; ++o) {
             const MatrixF& u = bases[static_cast<std::size_t>(o)];
             std::copy_n(u.data(), u.size(), array.mutable_data() + o * u.size());
@@ -147,9 +146,10 @@ R) for a global one, else (C, I, 1, R)), members (I, K) uint32, ascending in a r
 (||A - approximation||^2 / ||A||^2 of the first guess and after each iteration) and iterations.
 Tsai and Shih 2012, Algorithm 1. Raises ValueError (one line that names the argument) and
 Cancelled.)");
-    module.def("core_gram", &core_gram_of, py::arg("core"), py::arg("basis"), py::kw_only(),
-               py::arg("clustered") = 1, py::arg("threads") = 0,
-               R"(Gram matrix of the clusters of a model as fit_kcta returns it, for search_clusters.
+    module.def(
+        "core_gram", &core_gram_of, py::arg("core"), py::arg("basis"), py::kw_only(),
+        py::arg("clustered") = 1, py::arg("threads") = 0,
+        R"(Gram matrix of the clusters of a model as fit_kcta returns it, for search_clusters.
 
 core (C, R0, ..., RN), basis: list of (1 or C, I, 1, R) arrays (that of the clustered mode is not
 looked at). Returns (C, C, R, R): gram[j, c] = ufm(Z_j^(c)) ufm(Z_c)^T, Eqs. 14 and 17.)");

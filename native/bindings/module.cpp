@@ -18,9 +18,9 @@ BtfSource btf_source(const py::array& samples) {
         throw py::value_error("samples: expected a C-contiguous array");
     }
     const SampleType sample = type.itemsize() == 2 ? SampleType::kHalf : SampleType::kFloat;
-    return BtfSource(samples.data(), sample,
-                     {samples.shape(0), samples.shape(1), samples.shape(2), samples.shape(3),
-                      samples.shape(4)});
+    return BtfSource(
+        samples.data(), sample,
+        {samples.shape(0), samples.shape(1), samples.shape(2), samples.shape(3), samples.shape(4)});
 }
 
 Executor::Progress progress_callback(const py::object& progress) {

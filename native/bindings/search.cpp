@@ -50,8 +50,8 @@ py::tuple search(const py::object& projections, const py::object& gram, Index mi
     Index set_count = 0;
     if (!candidates.is_none()) {
         sets = array_argument<ClusterId>(candidates, "candidates", 3);
-        require(sets.shape(0) == count && sets.shape(2) == mixtures, "candidates: expected (", count,
-                ", any, ", mixtures, "), got (", sets.shape(0), ", ", sets.shape(1), ", ",
+        require(sets.shape(0) == count && sets.shape(2) == mixtures, "candidates: expected (",
+                count, ", any, ", mixtures, "), got (", sets.shape(0), ", ", sets.shape(1), ", ",
                 sets.shape(2), ")");
         check_candidates(sets, clusters);
         set_count = sets.shape(1);

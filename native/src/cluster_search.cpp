@@ -62,8 +62,8 @@ const MatrixD& ClusterSearch::factor_of(const std::vector<ClusterId>& clusters) 
     MatrixD gram(count * rank_, count * rank_);
     for (Index i = 0; i < count; ++i) {
         for (Index j = 0; j < count; ++j) {
-            gram.block(i * rank_, j * rank_, rank_, rank_) = gram_.block(
-                clusters[at(i)] * rank_, clusters[at(j)] * rank_, rank_, rank_);
+            gram.block(i * rank_, j * rank_, rank_, rank_) =
+                gram_.block(clusters[at(i)] * rank_, clusters[at(j)] * rank_, rank_, rank_);
         }
     }
     return factors_.emplace(clusters, inverse_factor(gram)).first->second;
@@ -131,7 +131,8 @@ Membership search_clusters(Executor& executor, const double* projections, Index 
                 const std::span row(projections + i * clusters * rank, at(clusters * rank));
                 ClusterSearch::Mixture best = search.greedy(row, mixtures);
                 for (Index s = 0; s < sets; ++s) {
-                    const auto set = candidates.subspan(at((i * sets + s) * mixtures), at(mixtures));
+                    const auto set =
+                        candidates.subspan(at((i * sets + s) * mixtures), at(mixtures));
                     ClusterSearch::Mixture other = search.project(row, set);
                     if (other.energy > best.energy) best = std::move(other);
                 }

@@ -94,8 +94,8 @@ class Fit {
     double lost_energy_;  // ||A||^2 - ||A_G||^2
 
     std::vector<Cluster> clusters_;
-    MatrixF mixing_;      // items x (C R): U_m of all clusters, zero where not a member
-    Tensor expanded_;     // (C R) x columns: Z_c x_n U_n,c over the other modes
+    MatrixF mixing_;       // items x (C R): U_m of all clusters, zero where not a member
+    Tensor expanded_;      // (C R) x columns: Z_c x_n U_n,c over the other modes
     MatrixD projections_;  // items x (C R)
     MatrixD gram_;         // (C R) x (C R)
     std::vector<double> errors_;
@@ -203,8 +203,7 @@ void Fit::project() {
 // ||A<i> - its approximation||^2 in A_G, all in the reduced space.
 double Fit::item_error(Index item, const double* coefficients) const {
     const Eigen::Map<const VectorD> u(coefficients, count_ * rank_);
-    const double error =
-        item_energy_(item) - 2 * projections_.row(item).dot(u) + u.dot(gram_ * u);
+    const double error = item_energy_(item) - 2 * projections_.row(item).dot(u) + u.dot(gram_ * u);
     return std::max(0.0, error);
 }
 
@@ -313,8 +312,8 @@ void Fit::residual(Index c) {
     std::vector<Index> others;
     for (Index j = 0; j < count_; ++j) {
         const bool shared = j != c && std::any_of(members.begin(), members.end(), [&](Index i) {
-            return !mixing_.block(i, j * rank_, 1, rank_).isZero(0);
-        });
+                                return !mixing_.block(i, j * rank_, 1, rank_).isZero(0);
+                            });
         if (shared) others.push_back(j);
     }
     const Index width = static_cast<Index>(others.size()) * rank_;
@@ -445,13 +444,15 @@ Kcta kcta(Executor& executor, const TensorSource& source, const KctaOptions& opt
     }
 
     std::vector<Index> ranks;  // clustered mode first
-    for (Index n = 0; n < order; ++n) ranks.push_back(global.ranks[at(n)] ? 0 : options.ranks[at(n)]);
+    for (Index n = 0; n < order; ++n)
+        ranks.push_back(global.ranks[at(n)] ? 0 : options.ranks[at(n)]);
     std::rotate(ranks.begin(), ranks.begin() + m, ranks.begin() + m + 1);
 
     executor.stage(0.45, 0.5, "K-CTA: first clusters");
     Fit fit(executor, std::move(reduced), ranks, options, energy);
     fit.start();
     fit.iterate();
+    executor.stage(1, 1, "K-CTA: done");
 
     for (const Cluster& cluster : fit.clusters()) {
         result.cores.push_back(move_from_front(cluster.core, m));

@@ -56,7 +56,8 @@ void mode_product(Executor& executor, const Tensor& in, Index mode, const Matrix
 
     const Index column_flops = std::max<Index>(1, 2 * rows * new_rows);
     if (inner == 1) {
-        const Index chunk = std::clamp<Index>(kTaskFlops / column_flops, 64, std::max<Index>(64, outer));
+        const Index chunk =
+            std::clamp<Index>(kTaskFlops / column_flops, 64, std::max<Index>(64, outer));
         executor.parallel_for(divide_up(outer, chunk), [&](Index task, int) {
             const Index first = task * chunk, count = std::min(chunk, outer - first);
             multiply_rows(source + first * rows, count, rows, basis, op,

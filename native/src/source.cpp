@@ -76,8 +76,8 @@ void BtfSource::throw_invalid() const {
                 rest /= dims_[static_cast<std::size_t>(n)];
             }
             require(false, "samples: expected finite numbers below 1e15 in magnitude, got ",
-                    fault(values[i]), " at light ", index[0], ", view ", index[1], ", y ",
-                    index[2], ", x ", index[3], ", channel ", index[4]);
+                    fault(values[i]), " at light ", index[0], ", view ", index[1], ", y ", index[2],
+                    ", x ", index[3], ", channel ", index[4]);
         }
     }
     TensorSource::throw_invalid();

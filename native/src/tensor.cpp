@@ -59,7 +59,8 @@ void for_each_run(const Shape& shape, const Shape& begin, const Shape& size, Run
     // Trailing modes that are taken whole make longer runs.
     int last = order - 1;
     Index length = order ? size[static_cast<std::size_t>(last)] : 1;
-    while (last > 0 && size[static_cast<std::size_t>(last)] == shape[static_cast<std::size_t>(last)]) {
+    while (last > 0 &&
+           size[static_cast<std::size_t>(last)] == shape[static_cast<std::size_t>(last)]) {
         --last;
         length *= size[static_cast<std::size_t>(last)];
     }

@@ -12,22 +12,22 @@
 #include "nacre/random.hpp"
 #include "nacre/tensor.hpp"
 
-#define CHECK(condition)                                                             \
-    do {                                                                             \
-        if (!(condition)) {                                                          \
-            std::printf("%s:%d: failed: %s\n", __FILE__, __LINE__, #condition);      \
-            std::exit(1);                                                            \
-        }                                                                            \
+#define CHECK(condition)                                                        \
+    do {                                                                        \
+        if (!(condition)) {                                                     \
+            std::printf("%s:%d: failed: %s\n", __FILE__, __LINE__, #condition); \
+            std::exit(1);                                                       \
+        }                                                                       \
     } while (0)
 
-#define CHECK_NEAR(a, b, tolerance)                                                  \
-    do {                                                                             \
-        const double check_a = (a), check_b = (b);                                   \
-        if (!(std::abs(check_a - check_b) <= (tolerance))) {                         \
-            std::printf("%s:%d: failed: %s = %.9g, %s = %.9g\n", __FILE__, __LINE__, \
-                        #a, check_a, #b, check_b);                                   \
-            std::exit(1);                                                            \
-        }                                                                            \
+#define CHECK_NEAR(a, b, tolerance)                                                               \
+    do {                                                                                          \
+        const double check_a = (a), check_b = (b);                                                \
+        if (!(std::abs(check_a - check_b) <= (tolerance))) {                                      \
+            std::printf("%s:%d: failed: %s = %.9g, %s = %.9g\n", __FILE__, __LINE__, #a, check_a, \
+                        #b, check_b);                                                             \
+            std::exit(1);                                                                         \
+        }                                                                                         \
     } while (0)
 
 // The message of the exception that `call` throws, or "" if it throws none.
@@ -47,9 +47,9 @@ struct Array {
     Shape shape;
     std::vector<double> values;
 
-    explicit Array(Shape s) : shape(std::move(s)), values(static_cast<std::size_t>(product(shape))) {}
-    explicit Array(const Tensor& t)
-        : shape(t.shape()), values(t.data(), t.data() + t.size()) {}
+    explicit Array(Shape s)
+        : shape(std::move(s)), values(static_cast<std::size_t>(product(shape))) {}
+    explicit Array(const Tensor& t) : shape(t.shape()), values(t.data(), t.data() + t.size()) {}
 
     double& operator[](const Shape& index) { return values[offset(index)]; }
     double operator[](const Shape& index) const { return values[offset(index)]; }

@@ -1,11 +1,10 @@
 // Section 4.2 against the formulas written out in the original tensor space.
-#include "nacre/cluster_search.hpp"
-
 #include <Eigen/QR>
 #include <Eigen/SVD>
 #include <algorithm>
 
 #include "check.hpp"
+#include "nacre/cluster_search.hpp"
 #include "nacre/kcta.hpp"
 
 using namespace nacre;
@@ -13,7 +12,7 @@ using namespace nacre;
 namespace {
 
 constexpr Index kClusters = 5, kRank = 2, kItems = 12;
-const Shape kShape{kItems, 6, 5};       // clustered mode first
+const Shape kShape{kItems, 6, 5};  // clustered mode first
 const Shape kCoreShape{kRank, 3, 4};
 
 struct Model {
@@ -67,8 +66,7 @@ int main() {
     const auto reduced = [&](const dense::Array& a, std::size_t c) {
         dense::Array result = a;
         for (std::size_t n = 1; n < 3; ++n) {
-            result =
-                dense::mode_product(result, n, model.bases[n][c].cast<double>().transpose());
+            result = dense::mode_product(result, n, model.bases[n][c].cast<double>().transpose());
         }
         return dense::unfold(result, 0);
     };
@@ -96,8 +94,8 @@ int main() {
     // The greedy search, subtensor by subtensor.
     const MatrixD items = dense::unfold(array, 0);
     for (Index mixtures : {1, 2, 3, 5}) {
-        const Membership found = search_clusters(executor, projections.data(), kItems, gram,
-                                                 kClusters, kRank, mixtures);
+        const Membership found =
+            search_clusters(executor, projections.data(), kItems, gram, kClusters, kRank, mixtures);
         for (Index i = 0; i < kItems; ++i) {
             std::vector<std::size_t> chosen;
             dense::Array residual({1, kShape[1], kShape[2]});

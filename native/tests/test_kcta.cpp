@@ -1,9 +1,8 @@
-#include "nacre/kcta.hpp"
-
 #include <algorithm>
 #include <set>
 
 #include "check.hpp"
+#include "nacre/kcta.hpp"
 #include "nacre/nsvd.hpp"
 
 using namespace nacre;
@@ -112,7 +111,8 @@ int main() {
     // As many clusters as rows, ranks above the members, full ranks, modes of one row.
     check_model(tensor, options_for(shape, {3, 4, 3, 2}, 1, 14, 2, {0}));
     check_model(tensor, options_for(shape, {6, 14, 5, 4}, 1, 3, 2, {0}));
-    check_model(random_tensor({1, 9, 1, 3}, 3), options_for({1, 9, 1, 3}, {1, 2, 1, 2}, 1, 3, 2, {0}));
+    check_model(random_tensor({1, 9, 1, 3}, 3),
+                options_for({1, 9, 1, 3}, {1, 2, 1, 2}, 1, 3, 2, {0}));
     // All rows alike: every row wants the same cluster and the empty ones are filled by splitting.
     Tensor constant(shape);
     constant.fill(0.7f);

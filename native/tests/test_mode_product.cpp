@@ -24,8 +24,7 @@ int main() {
                 Tensor expanded;
                 mode_product(executor, projected, static_cast<Index>(n), basis, Op::kNone,
                              expanded);
-                const dense::Array back =
-                    dense::mode_product(expected, n, basis.cast<double>());
+                const dense::Array back = dense::mode_product(expected, n, basis.cast<double>());
                 CHECK(dense::distance(dense::Array(expanded), back) <
                       2e-6 * std::sqrt(back.squared_norm()));
             }

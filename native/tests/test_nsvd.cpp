@@ -20,8 +20,9 @@ dense::Array reconstruct(const Tensor& core, const std::vector<MatrixF>& bases) 
 double reference_error(const dense::Array& a, const Shape& ranks, int sweeps) {
     std::vector<MatrixD> bases;
     const auto basis_of = [](const dense::Array& t, std::size_t n, Index rank) {
-        return MatrixD(
-            Eigen::JacobiSVD<MatrixD>(dense::unfold(t, n), Eigen::ComputeThinU).matrixU().leftCols(rank));
+        return MatrixD(Eigen::JacobiSVD<MatrixD>(dense::unfold(t, n), Eigen::ComputeThinU)
+                           .matrixU()
+                           .leftCols(rank));
     };
     for (std::size_t n = 0; n < ranks.size(); ++n) bases.push_back(basis_of(a, n, ranks[n]));
     for (int s = 0; s < sweeps; ++s) {

@@ -17,9 +17,8 @@ dense::Array as_array(const std::vector<float>& samples, const Shape& s) {
 
 dense::Array in_front(const dense::Array& a, std::size_t first) {
     dense::Array result(front_shape(a.shape, static_cast<Index>(first)));
-    dense::for_each(a.shape, [&](const Shape& i) {
-        result[front_shape(i, static_cast<Index>(first))] = a[i];
-    });
+    dense::for_each(
+        a.shape, [&](const Shape& i) { result[front_shape(i, static_cast<Index>(first))] = a[i]; });
     return result;
 }
 

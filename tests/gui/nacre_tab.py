@@ -15,6 +15,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator
+from functools import partial
 from math import pi, radians
 from pathlib import Path
 
@@ -60,10 +61,8 @@ def call(operator: Callable, **options) -> None:
         operator("INVOKE_DEFAULT", True, **options)
 
 
-def press(key: str) -> None:
-    """A key pressed with the mouse over the viewport."""
-    region = viewport()["region"]
-    x, y = region.x + region.width // 3, region.y + region.height // 2
+def press(key: str, x: int = 400, y: int = 400) -> None:
+    """A key or mouse button pressed at a place of the window, by default over the viewport."""
     window().event_simulate("MOUSEMOVE", "NOTHING", x=x, y=y)
     window().event_simulate(key, "PRESS", x=x, y=y)
     window().event_simulate(key, "RELEASE", x=x, y=y)
@@ -114,7 +113,9 @@ def leftovers() -> list[str]:
 
 def story() -> Iterator[Wait]:
     """What the user does; each yield waits for seconds, or until something is true."""
+    yield from end_early()
     yield from set_up()
+    yield from refuse_a_damaged_file()
     yield from cancel_an_import()
     yield from import_by_file_browser()
     yield from compress()
@@ -122,19 +123,41 @@ def story() -> Iterator[Wait]:
     yield from look()
 
 
-def set_up() -> Iterator[Wait]:
-    """A sphere under a sun in an otherwise empty file, the tab open."""
+def end_early() -> Iterator[Wait]:
+    """The extension is disabled, or another file is opened, in the middle of an import."""
     if SOURCE.parent.exists():
         shutil.rmtree(SOURCE.parent)
     SOURCE.parent.mkdir(parents=True)
     shutil.copy(BTF, SOURCE)
-    bpy.ops.preferences.addon_enable(module=MODULE)
-    preferences = bpy.context.preferences
-    preferences.view.show_splash = False
-    preferences.view.filebrowser_display_type = "SCREEN"  # no second window without a manager
     press("ESC")  # the splash screen
     yield 0.5
+    for what, action in (
+        ("disabling the extension", partial(bpy.ops.preferences.addon_disable, module=MODULE)),
+        ("opening another file", bpy.ops.wm.read_homefile),
+    ):
+        bpy.ops.preferences.addon_enable(module=MODULE)
+        preferences = bpy.context.preferences
+        preferences.view.show_splash = False
+        preferences.view.filebrowser_display_type = "SCREEN"  # no second window
+        jobs = sys.modules[MODULE + ".jobs"]
+        yield from drop(SOURCE)
+        yield lambda: job() is not None and leftovers() != []
+        action()
+        check(f"{what} ends the job", jobs.running() is None)
+        check(f"{what} leaves nothing of the import", leftovers() == [])
+        yield 1.0
 
+
+def drop(path: Path) -> Iterator[Wait]:
+    """A file dropped on the viewport, confirmed with Return."""
+    call(bpy.ops.nacre.import_btf, filepath=str(path))
+    yield 1.0
+    picture("2-dropped")
+    press("RET")
+
+
+def set_up() -> Iterator[Wait]:
+    """A sphere under a sun in an otherwise empty file, the tab open."""
     for item in list(bpy.data.objects):
         bpy.data.objects.remove(item)
     with bpy.context.temp_override(**viewport()):
@@ -162,16 +185,25 @@ def sidebar() -> bpy.types.Region:
     return next(region for region in viewport()["area"].regions if region.type == "UI")
 
 
-def cancel_an_import() -> Iterator[Wait]:
-    """A file dropped on the viewport, confirmed with Return, stopped with Esc."""
-    call(bpy.ops.nacre.import_btf, filepath=str(SOURCE))
+def refuse_a_damaged_file() -> Iterator[Wait]:
+    damaged = FOLDER / "damaged.btf"
+    damaged.write_bytes(SOURCE.read_bytes()[:100_000])
+    yield from drop(damaged)
     yield 1.0
-    picture("2-dropped")
-    press("RET")
+    picture("3-damaged")
+    check("a damaged file leaves nothing", not damaged.with_suffix(".nacre").exists())
+    check("a damaged file leaves the dataset unset", settings().dataset == "")
+    press("ESC")  # the report
+    yield 0.5
+
+
+def cancel_an_import() -> Iterator[Wait]:
+    """Stopped with Esc."""
+    yield from drop(SOURCE)
     yield lambda: job() is not None
     yield lambda: job() is None or job().fraction > 0.1
     check("the import runs on a thread", job() is not None)
-    picture("3-importing")
+    picture("4-importing")
     check("it writes beside the file", leftovers() != [])
     press("ESC")
     yield lambda: job() is None
@@ -187,11 +219,14 @@ def import_by_file_browser() -> Iterator[Wait]:
     space = area.spaces.active
     yield lambda: space.params is not None
     space.params.directory = os.fsencode(SOURCE.parent)
-    space.params.filename = SOURCE.name
     yield 1.5
-    picture("4-file-browser")
-    started = time.monotonic()
     region = next(region for region in area.regions if region.type == "WINDOW")
+    row = round(38 * bpy.context.preferences.system.ui_scale)  # the first file, below the titles
+    press("LEFTMOUSE", region.x + 60, region.y + region.height - row)
+    yield 1.5
+    picture("5-file-browser")
+    check("a click chooses the file", space.params.filename == SOURCE.name)
+    started = time.monotonic()
     with bpy.context.temp_override(window=window(), area=area, region=region):
         bpy.ops.file.execute("INVOKE_DEFAULT")
     yield lambda: settings().dataset != ""
@@ -212,7 +247,7 @@ def compress() -> Iterator[Wait]:
     call(bpy.ops.nacre.compress)
     yield lambda: job() is None or job().fraction > 0.3
     yield 0.3
-    picture("5-compressing")
+    picture("6-compressing")
     check("the compression runs on a thread", job() is not None)
     call(bpy.ops.nacre.cancel)
     yield lambda: job() is None
@@ -246,7 +281,7 @@ def create_material() -> Iterator[Wait]:
     started = time.monotonic()
     call(bpy.ops.nacre.create_material)
     yield 0.4
-    picture("6-creating")
+    picture("7-creating")
     yield lambda: material() is not None
     report["seconds"]["create material"] = round(time.monotonic() - started, 1)
     yield 0.3
@@ -255,7 +290,7 @@ def create_material() -> Iterator[Wait]:
     undo()
     yield 0.3
     check("undo takes the material back", material() is None)
-    check("undo leaves no images", not bpy.data.images)
+    check("undo leaves no images", all(image.source == "VIEWER" for image in bpy.data.images))
     redo()
     yield 0.3
     check("redo brings the material", material() is not None)
@@ -274,16 +309,16 @@ def look() -> Iterator[Wait]:
     )
     space.shading.type = "RENDERED"
     started = time.monotonic()
-    yield from settle("7-lit")
+    yield from settle("8-lit")
     report["seconds"]["first picture"] = round(time.monotonic() - started, 1)
-    before = sphere_pixels(picture("7-lit"))
+    before = sphere_pixels(picture("8-lit"))
     check("the sphere is lit and has detail", before.mean() > 0.02 and before.std() > 0.01)
     # Without its image, or with too many of them, EEVEE shows a material in magenta.
     magenta = (before[..., 0] > 0.9) & (before[..., 1] < 0.1) & (before[..., 2] > 0.9)
     check("nothing is magenta", not magenta.any())
-    bpy.data.objects["Sun"].rotation_euler = (radians(-30), radians(-35), 0)
-    yield from settle("8-lit-from-the-other-side")
-    after = sphere_pixels(picture("8-lit-from-the-other-side"))
+    bpy.data.objects["Sun"].rotation_euler = (radians(60), 0, radians(-20))
+    yield from settle("9-lit-from-the-other-side")
+    after = sphere_pixels(picture("9-lit-from-the-other-side"))
     check("the picture follows the sun", np.abs(after - before).mean() > 0.01)
 
 
@@ -343,4 +378,4 @@ def run() -> Callable[[], float | None]:
 
 
 FOLDER.mkdir(parents=True, exist_ok=True)
-bpy.app.timers.register(run(), first_interval=1.0)
+bpy.app.timers.register(run(), first_interval=1.0, persistent=True)

@@ -75,9 +75,7 @@ def _light(scene: bpy.types.Scene, kind: str) -> bpy.types.Object:
     return item
 
 
-def _render_both(
-    scene: bpy.types.Scene, light: bpy.types.Object
-) -> tuple[np.ndarray, np.ndarray]:
+def _render_both(scene: bpy.types.Scene, light: bpy.types.Object) -> tuple[np.ndarray, np.ndarray]:
     plane = add_mesh(scene, "plane", _white())
     expected = render_pixels(scene)
     material, node = _from_group()

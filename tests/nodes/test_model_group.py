@@ -40,9 +40,7 @@ def test_flat_patch_is_the_tables(engine: str, tables: Tables) -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_nsvd_is_one_cluster(
-    engine: str, make_model: Callable[..., ClusteredTucker]
-) -> None:
+def test_nsvd_is_one_cluster(engine: str, make_model: Callable[..., ClusteredTucker]) -> None:
     model = make_model(clusters=1, mixtures=1, ranks=(5, 9, 5, 4))
     _check_flat(build_tables(model, size=64), engine, (10, 12))
 

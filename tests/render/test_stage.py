@@ -66,9 +66,7 @@ def test_uv_frames_are_right_handed(mesh: str) -> None:
 def test_mesh_file(tmp_path: Path) -> None:
     """A file without UVs is centred, scaled to 2 m and gets a projection; its import is tidy."""
     path = tmp_path / "box.obj"
-    path.write_text(
-        "v 10 0 0\nv 14 0 0\nv 14 2 0\nv 10 2 0\nf 1 2 3 4\n", encoding="utf-8"
-    )
+    path.write_text("v 10 0 0\nv 14 0 0\nv 14 2 0\nv 10 2 0\nf 1 2 3 4\n", encoding="utf-8")
     before = _everything()
     with new_scene((8, 8)) as scene:
         item = add_mesh(scene, str(path), bpy.data.materials.new("Test"))

@@ -29,7 +29,7 @@ def test_a_measured_file_before_its_import():
         ("Directions", "81 lights × 81 views"),
         ("Texels", "64 × 64"),
         ("File", "6.20 MB"),
-        ("Dataset", "161 MB"),
+        ("On Disk", "161 MB"),
         ("Memory", "about 134 MB"),
     ]
 

@@ -97,13 +97,14 @@ def test_the_time_left_follows_the_pace(monkeypatch):
     monkeypatch.setattr(jobs.time, "monotonic", lambda: now[0])
     job = jobs.Job(lambda progress: None)
     assert job.seconds_left is None
+    assert job.text() == "0%"
     now[0] += 10.0
     assert job.seconds_left is None, "nothing is known before the first progress"
     job._progress(0.2, "Reading")
     assert job.seconds_left == pytest.approx(40.0)
-    assert job.text() == "Reading, 40 s left"
+    assert job.text() == "20%, 40 s left"
     now[0] += 10.0
     job._progress(0.1, "Reading")
-    assert job.text() == "Reading, 3 min left"
+    assert job.text() == "10%, 3 min left"
     job._progress(1.0, "Reading")
     assert job.seconds_left == 0.0

@@ -104,7 +104,7 @@ def test_progress_takes_the_place_of_the_button(monkeypatch):
     job._progress(0.25, "Reading")
     monkeypatch.setattr(jobs, "running", lambda: job)
     shown = draw(by_name("NACRE_PT_compress"))
-    assert shown[-2:] == [("progress", 0.25, "Reading"), "nacre.cancel"]
+    assert shown[-3:] == [("progress", 0.25, "25%"), "nacre.cancel", "Reading"]
     assert "nacre.import_btf" in draw(by_name("NACRE_PT_import_btf"))
 
 

@@ -62,7 +62,7 @@ class ClusterSearch {
 };
 
 struct Membership {
-    std::vector<ClusterId> clusters;  // rows x mixtures, each row ascending
+    std::vector<ClusterId> clusters;   // rows x mixtures, each row ascending
     std::vector<double> coefficients;  // rows x mixtures x rank
 };
 

@@ -1,0 +1,234 @@
+"""Named arrays and a description in one multi-part OpenEXR file that any EXR viewer opens.
+
+An array of shape (a, ..., z) is one single-channel part, width z, height a * ..., HALF scaled to
+peak 1 or UINT. The description is JSON in the string attribute `nacre`. It begins with a CRC-32 of
+the whole file, because the OpenEXR library reads what it finds of a file cut short.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import io
+import json
+import os
+import secrets
+import threading
+import zlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenEXR
+from numpy.typing import NDArray
+
+from ..errors import NacreError
+
+VERSION = 1
+CHANNEL = "Y"  # luminance: viewers show a single channel of this name as grey
+
+_MAGIC = b"\x76\x2f\x31\x01"
+_ATTRIBUTE = b"nacre\0string\0"  # as a header spells it, before the size of the text and the text
+_HEADER_BYTES = 4096  # the attribute begins within these: OpenEXR sorts attributes by name
+_SEAL = b'{"crc32": "'
+_UNSEALED = b"00000000"  # stands for the checksum where the checksum is computed
+
+_NO_ROOM = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
+_quiet_lock = threading.Lock()
+
+
+def write_arrays(
+    path: str | os.PathLike[str],
+    arrays: Mapping[str, NDArray[Any]],
+    axes: Mapping[str, list[str]],
+    description: Mapping[str, object],
+) -> None:
+    """Write named arrays and their description to `path`, through a temporary name.
+
+    Raises NacreError when the file cannot be written; then an older one is untouched.
+    """
+    path = check_destination(path)
+    entries, images = {}, {}
+    for name, array in arrays.items():
+        scale = 1.0
+        if np.issubdtype(array.dtype, np.floating):
+            # Half floats end at 65504 and lose precision near 0: the peak goes into the scale.
+            scale = float(np.float32(np.abs(array).max(initial=0.0))) or 1.0
+            array = np.asarray(array / np.float32(scale), np.float16)
+        images[name] = np.ascontiguousarray(array).reshape(-1, array.shape[-1])
+        entries[name] = {"shape": list(array.shape), "axes": axes[name], "scale": scale}
+    seal = {"crc32": _UNSEALED.decode(), "nacre": VERSION}
+    text = json.dumps({**seal, **description, "arrays": entries}, allow_nan=False)
+    temporary = path.with_name(f".{path.stem}-{secrets.token_hex(4)}.exr")
+    try:
+        OpenEXR.File(_parts(images, text)).write(str(temporary))
+        _check_written(temporary, images)
+        _write_seal(temporary)
+        os.replace(temporary, path)
+    except (OSError, RuntimeError) as error:
+        reason = " ".join(str(error).replace(str(temporary), path.name).split())
+        if any(os.strerror(number) in reason for number in _NO_ROOM):
+            raise NacreError(
+                f"no room to write {path}: free space or choose another disk"
+            ) from error
+        raise NacreError(f"cannot write {path}: {reason}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def read_arrays(
+    path: str | os.PathLike[str],
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """The arrays of a file at their own scale, float32 or uint32, and its description.
+
+    Raises NacreError when the file is missing, damaged, or not written by `write_arrays`.
+    """
+    if not is_model(path):
+        raise NacreError(f"{path}: an OpenEXR picture, but not a model of Nacre's")
+    _check_seal(path)
+    parts = OpenEXR.File(str(path), separate_channels=True).parts
+    description = json.loads(parts[0].header["nacre"])
+    if description["nacre"] != VERSION:
+        raise NacreError(
+            f"{path}: is of file version {description['nacre']} and this Nacre reads version "
+            f"{VERSION}: update the extension"
+        )
+    images = {part.name(): part.channels[CHANNEL].pixels for part in parts}
+    arrays = {}
+    for name, entry in description["arrays"].items():
+        if name not in images:
+            raise NacreError(f"{path}: has no part {name!r}; compress the dataset again")
+        array = images[name].reshape(entry["shape"])
+        if array.dtype == np.float16:
+            array = array.astype(np.float32) * np.float32(entry["scale"])
+        arrays[name] = array
+    return arrays, description
+
+
+def is_model(path: str | os.PathLike[str]) -> bool:
+    """Whether an EXR file carries Nacre's description; NacreError when it is no EXR file."""
+    try:
+        with open(path, "rb") as file:
+            head = file.read(_HEADER_BYTES)
+    except FileNotFoundError:
+        raise NacreError(f"{path}: no such file") from None
+    except OSError as error:
+        raise NacreError(f"{path}: cannot be read ({error.strerror})") from error
+    if not head.startswith(_MAGIC):
+        raise NacreError(f"{path}: not an OpenEXR file")
+    return _ATTRIBUTE in head
+
+
+def read_picture(path: str | os.PathLike[str]) -> NDArray[np.float32]:
+    """The pixels (height, width, 3) of an EXR picture, bottom row first.
+
+    Raises NacreError when the file is missing, damaged, or not a colour picture.
+    """
+    is_model(path)
+    try:
+        with _quiet():
+            parts = OpenEXR.File(str(path)).parts
+    except (RuntimeError, ValueError) as error:
+        raise NacreError(f"{path}: cut short or damaged ({error})") from error
+    if not parts:  # so the library says that some of the pixels are missing
+        raise NacreError(f"{path}: cut short or damaged")
+    for name in ("RGB", "RGBA"):
+        if name in parts[0].channels:
+            pixels = parts[0].channels[name].pixels[..., :3]
+            return np.asarray(pixels, np.float32)[::-1]
+    raise NacreError(f"{path}: not a colour picture")
+
+
+def check_destination(path: str | os.PathLike[str]) -> Path:
+    """Raise NacreError, before any work, for a name that cannot be written."""
+    path = Path(path)
+    if path.suffix.lower() != ".exr":
+        raise NacreError(f"{path}: the name of a model ends in .exr")
+    if not path.parent.is_dir():
+        raise NacreError(f"cannot write {path}: there is no folder {path.parent}")
+    if path.is_dir():
+        raise NacreError(f"cannot write {path}: it is a folder")
+    return path
+
+
+def _parts(images: Mapping[str, NDArray[Any]], text: str) -> list[OpenEXR.Part]:
+    """One part for each image; the first carries the description."""
+    width = max(image.shape[1] for image in images.values())
+    height = max(image.shape[0] for image in images.values())
+    return [
+        OpenEXR.Part(
+            {
+                "type": OpenEXR.scanlineimage,
+                "compression": OpenEXR.ZIP_COMPRESSION,
+                "displayWindow": _window(width, height),  # must be the same for all parts
+                "dataWindow": _window(*image.shape[::-1]),
+                **({"nacre": text} if index == 0 else {}),
+            },
+            {CHANNEL: image},
+            name,
+        )
+        for index, (name, image) in enumerate(images.items())
+    ]
+
+
+def _window(width: int, height: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    return np.zeros(2, np.int32), np.array([width - 1, height - 1], np.int32)
+
+
+def _check_written(path: Path, images: Mapping[str, NDArray[Any]]) -> None:
+    """Raise OSError unless a file reads back as what was written: the OpenEXR library does not
+    notice that a disk fills up while it closes the file."""
+    try:
+        with _quiet():
+            parts = OpenEXR.File(str(path), separate_channels=True).parts
+        written = {part.name(): part.channels[CHANNEL].pixels for part in parts}
+        for name, image in images.items():
+            np.testing.assert_array_equal(written[name], image)
+    except (RuntimeError, ValueError, KeyError, AssertionError) as error:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
+
+
+def _write_seal(path: Path) -> None:
+    """Put a file's checksum into its description."""
+    at, checksum = _checksum(path)
+    with path.open("r+b") as file:
+        file.seek(at)
+        file.write(b"%08x" % checksum)
+
+
+def _check_seal(path: str | os.PathLike[str]) -> None:
+    """Raise NacreError unless every byte of a file is the one that was written."""
+    try:
+        at, checksum = _checksum(path)
+        with open(path, "rb") as file:
+            file.seek(at)
+            intact = file.read(len(_UNSEALED)) == b"%08x" % checksum
+    except OSError as error:
+        raise NacreError(f"{path}: cannot be read ({error.strerror})") from error
+    if not intact:
+        raise NacreError(f"{path}: cut short or damaged; copy it or compress the dataset again")
+
+
+def _checksum(path: str | os.PathLike[str]) -> tuple[int, int]:
+    """Where a file's checksum stands and what it must be."""
+    data = np.memmap(path, np.uint8, "r")
+    text = bytes(data[:_HEADER_BYTES]).index(_ATTRIBUTE) + len(_ATTRIBUTE) + 4
+    at = text + len(_SEAL)
+    checksum = zlib.crc32(data[:at])
+    checksum = zlib.crc32(_UNSEALED, checksum)
+    return at, zlib.crc32(data[at + len(_UNSEALED) :], checksum)
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep what the OpenEXR library prints about damaged files from the user, who gets one line of
+    ours: it writes to sys.stdout and past sys.stderr to the process's standard error."""
+    with _quiet_lock, contextlib.redirect_stdout(io.StringIO()), contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):  # a program without a console has no standard error
+            kept = os.dup(2)
+            stack.callback(os.close, kept)
+            stack.callback(os.dup2, kept, 2)
+            with open(os.devnull, "wb") as nothing:
+                os.dup2(nothing.fileno(), 2)
+        yield

@@ -1,0 +1,68 @@
+"""What verbs are given: the types of their arguments, and their progress callback."""
+
+import argparse
+from collections.abc import Callable
+
+Progress = Callable[[float, str], bool]
+
+
+def counts(text: str) -> dict[str, int]:
+    """A whole number for each of some modes."""
+    try:
+        pairs = [entry.split("=") for entry in text.split(",")]
+        return {mode.strip(): int(value) for mode, value in pairs}
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form view=4,y=32") from None
+
+
+def index_range(text: str) -> slice:
+    """A Python slice I:J; either end may be missing."""
+    try:
+        first, last = (int(part) if part else None for part in text.split(":"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form 3:7") from None
+    return slice(first, last)
+
+
+def angles(text: str) -> tuple[float, float]:
+    """A direction (theta, phi) in degrees above the surface."""
+    try:
+        theta, phi = (float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form 45,90 (degrees)") from None
+    if not 0.0 <= theta <= 90.0:
+        raise argparse.ArgumentTypeError(f"theta {theta:g} is not between 0 and 90 degrees")
+    if not abs(phi) <= 360.0:
+        raise argparse.ArgumentTypeError(f"phi {phi:g} is not between -360 and 360 degrees")
+    return theta, phi
+
+
+def picture_size(text: str) -> tuple[int, int]:
+    """(width, height) in pixels, as far as Blender goes."""
+    try:
+        width, height = (int(part) for part in text.lower().split("x"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form 640x480") from None
+    if not (0 < width <= 16384 and 0 < height <= 16384):
+        raise argparse.ArgumentTypeError(f"{text!r}: each side is between 1 and 16384 pixels")
+    return width, height
+
+
+def from_0(text: str) -> int:
+    """A whole number of 0 or more."""
+    return _at_least(0, text)
+
+
+def from_1(text: str) -> int:
+    """A whole number of 1 or more."""
+    return _at_least(1, text)
+
+
+def _at_least(least: int, text: str) -> int:
+    try:
+        value = int(text)
+    except ValueError:
+        value = least - 1
+    if value < least:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of {least} or more")
+    return value

@@ -1,0 +1,22 @@
+"""Render every evaluator and compare it with decode."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from .arguments import Progress
+from .blender import need_blender
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("model", type=Path)
+    parser.add_argument("--engine", action="append", help="eevee or cycles; both when not given")
+
+
+def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    need_blender()
+    from ..models.exr import load_model
+    from ..render.engines import ENGINES
+    from ..render.verify import verify
+
+    return verify(load_model(options.model), options.engine or ENGINES, progress)

@@ -1,0 +1,90 @@
+"""Clustered tensor approximation: N-SVD, CTA and K-CTA of measured appearance.
+
+`samples` are float16 or float32, C-contiguous, axes (light, view, y, x, channel); they are read
+where they lie (a read-only memory map will do) and not copied. The tensor that is decomposed has
+the modes 0 to 3: light rows, view, y, x, where light row `channels * light + channel` is one colour
+of one light. Ranks, bases and core axes follow this order.
+
+Wrong arguments raise ValueError with one line that names the argument and what was expected; NaN
+and infinities are named by their index. `progress(fraction, message)` is called from the calling
+thread, about twenty times a second; returning False raises Cancelled, and what it raises comes out.
+The same arguments give the same bits for any number of threads (0: all).
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, TypedDict
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__version__: str
+
+class Cancelled(Exception):
+    """The progress callback asked for a stop."""
+
+class NsvdModel(TypedDict):
+    core: NDArray[np.float32]  # (1, RL, RV, RY, RX)
+    basis: list[NDArray[np.float32]]  # (1, I, 1, R) of each mode, orthonormal columns
+    errors: list[float]  # ||A - approximation||^2 / ||A||^2 after each iteration
+    iterations: int
+
+class KctaModel(TypedDict):
+    core: NDArray[np.float32]  # (C, RL, RV, RY, RX)
+    # (1, I, K, R) of the clustered mode, (1, I, 1, R) of global ones, (C, I, 1, R) of others
+    basis: list[NDArray[np.float32]]
+    members: NDArray[np.uint32]  # (I, K) clusters of each row of the clustered mode, ascending
+    errors: list[float]  # of the first guess and after each iteration; never rising
+    iterations: int
+
+def fit_nsvd(
+    samples: NDArray[Any],
+    ranks: Sequence[int],
+    *,
+    iterations: int = 20,
+    tolerance: float = 1e-4,
+    threads: int = 0,
+    progress: Callable[[float, str], bool] | None = None,
+) -> NsvdModel:
+    """N-SVD: truncated HOSVD, then alternating least squares until the error falls by less than
+    `tolerance` of itself (De Lathauwer et al. 2000)."""
+
+def fit_kcta(
+    samples: NDArray[Any],
+    ranks: Sequence[int],
+    *,
+    clustered: int = 1,
+    clusters: int,
+    mixtures: int,
+    global_modes: Sequence[int] = (0,),
+    directions: ArrayLike,
+    iterations: int = 50,
+    tolerance: float = 5e-4,
+    seed: int = 0,
+    threads: int = 0,
+    progress: Callable[[float, str], bool] | None = None,
+) -> KctaModel:
+    """K-CTA (Tsai and Shih 2012, Algorithm 1 and Section 5); CTA if `mixtures` is 1.
+
+    `directions` (I, any): coordinates of the clustered mode's rows, in which the first clusters are
+    found. Stops when neither the sum of core norms nor the error changes by more than `tolerance`
+    of itself, or when the error would rise (the last result is then restored)."""
+
+def core_gram(
+    core: ArrayLike, basis: Sequence[ArrayLike], *, clustered: int = 1, threads: int = 0
+) -> NDArray[np.float64]:
+    """gram[j, c] = ufm(Z_j^(c)) ufm(Z_c)^T of a K-CTA model, (C, C, R, R): Eqs. 14 and 17. The
+    clustered mode's own basis is not looked at."""
+
+def search_clusters(
+    projections: ArrayLike,
+    gram: ArrayLike,
+    mixtures: int,
+    *,
+    candidates: ArrayLike | None = None,
+    threads: int = 0,
+) -> tuple[NDArray[np.uint32], NDArray[np.float64]]:
+    """Greedy search (Eqs. 9 to 14) and optimal projection (Eq. 15) in the reduced space.
+
+    projections (n, C, R): ufm(A<i>^(c)) ufm(Z_c)^T; gram as from core_gram; candidates (n, q, K):
+    further sets for each row, of which the one that explains most energy wins, the greedy one in
+    doubt. Returns members (n, K), ascending in a row, and coefficients (n, K, R)."""
