@@ -24,7 +24,8 @@ def compare_blocks(
     count = 0
     for a, b in pairs:
         reference = np.asarray(a, np.float64)
-        difference = reference - b
+        with np.errstate(invalid="ignore"):  # of infinities, which are refused below
+            difference = reference - b
         energy += float(np.vdot(reference, reference))
         error += float(np.vdot(difference, difference))
         largest = max(largest, float(np.abs(difference).max(initial=0.0)))

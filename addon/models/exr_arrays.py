@@ -74,7 +74,8 @@ def write_arrays(
             ) from error
         raise NacreError(f"cannot write {path}: {reason}") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # also where it never came to be
+            temporary.unlink()
 
 
 def read_arrays(
@@ -145,9 +146,9 @@ def check_destination(path: str | os.PathLike[str]) -> Path:
     path = Path(path)
     if path.suffix.lower() != ".exr":
         raise NacreError(f"{path}: the name of a model ends in .exr")
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):
         raise NacreError(f"cannot write {path}: there is no folder {path.parent}")
-    if path.is_dir():
+    if os.path.isdir(path):
         raise NacreError(f"cannot write {path}: it is a folder")
     return path
 
