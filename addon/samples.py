@@ -1,9 +1,10 @@
-"""Anything that can be compared, as a shape and a stream of blocks: datasets, models, pictures."""
+"""Anything that can be compared, read in blocks: datasets, models, pictures."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from math import prod
 from pathlib import Path
 
 import numpy as np
@@ -12,43 +13,51 @@ from numpy.typing import NDArray
 from .datasets.dataset import DESCRIPTION, open_dataset
 from .errors import NacreError
 
+BLOCK_BYTES = 32 * 2**20
+"""What is worked on at a time, as float32."""
+
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples in C order: `blocks()` yields them along the first axis; bytes are the files'."""
+    """Samples of some shape; `read` gives a slice along the first axis; bytes are the files'."""
 
     shape: tuple[int, ...]
-    blocks: Callable[[], Iterator[NDArray[np.floating]]]
+    read: Callable[[slice], NDArray[np.floating]]
     bytes: int
 
 
 def open_samples(path: Path) -> Samples:
-    """A dataset, a model (decoded block by block) or a .png or .exr picture (height, width, 3).
+    """A dataset, a model or a .png or .exr picture; NacreError for anything else.
 
-    Raises NacreError for anything else.
+    Pictures are (height, width, 3), bottom row first.
     """
     if (path / DESCRIPTION).is_file():
         dataset = open_dataset(path)
         size = sum(item.stat().st_size for item in path.iterdir())
-        return Samples(dataset.shape, lambda: iter(dataset.samples), size)
+        return Samples(dataset.shape, dataset.samples.__getitem__, size)
     if not path.is_file():
         raise NacreError(f"{path}: no such file or dataset")
     kind = path.suffix.lower()
+    size = path.stat().st_size
     if kind == ".png":
-        return _picture(_read_png(path), path)
+        pixels = _read_png(path)
+        return Samples(pixels.shape, pixels.__getitem__, size)
     if kind != ".exr":
         raise NacreError(f"{path}: expected a dataset, a model, or a .png or .exr picture")
     from .models.exr import is_model, load_model, read_picture
 
-    if not is_model(path):
-        return _picture(read_picture(path), path)
-    model = load_model(path)
-    lights = range(model.shape[0])
-    return Samples(model.shape, lambda: (model.decode([i])[0] for i in lights), path.stat().st_size)
+    if is_model(path):
+        model = load_model(path)
+        return Samples(model.shape, model.decode, size)
+    picture = read_picture(path)
+    return Samples(picture.shape, picture.__getitem__, size)
 
 
-def _picture(pixels: NDArray[np.floating], path: Path) -> Samples:
-    return Samples(pixels.shape, lambda: iter([pixels]), path.stat().st_size)
+def blocks(shape: tuple[int, ...]) -> Iterator[slice]:
+    """Slices along the first axis of samples, of about BLOCK_BYTES each."""
+    count = max(1, BLOCK_BYTES // (4 * prod(shape[1:])))
+    for first in range(0, shape[0], count):
+        yield slice(first, min(first + count, shape[0]))
 
 
 def _read_png(path: Path) -> NDArray[np.float64]:
@@ -56,6 +65,6 @@ def _read_png(path: Path) -> NDArray[np.float64]:
 
     try:
         with Image.open(path) as image:
-            return np.asarray(image.convert("RGB"), np.float64) / 255.0
+            return np.asarray(image.convert("RGB"), np.float64)[::-1] / 255.0
     except (OSError, SyntaxError) as error:
         raise NacreError(f"{path}: cannot be read as a PNG ({error})") from error

@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 MODES = ("light", "view", "y", "x")
 """Tensor modes of a BTF in axis order."""
 
+Part = slice | Sequence[int] | NDArray[np.intp]
+"""Which indices of an axis."""
+
 
 @dataclass(frozen=True)
 class ClusteredTucker:
@@ -65,10 +68,10 @@ class ClusteredTucker:
 
     def decode(
         self,
-        light: slice | Sequence[int] = slice(None),
-        view: slice | Sequence[int] = slice(None),
-        y: slice | Sequence[int] = slice(None),
-        x: slice | Sequence[int] = slice(None),
+        light: Part = slice(None),
+        view: Part = slice(None),
+        y: Part = slice(None),
+        x: Part = slice(None),
     ) -> NDArray[np.float32]:
         """Samples of one block, float32 (light, view, y, x, channel); unclamped linear values."""
         channels = self.channels

@@ -62,7 +62,8 @@ def write_arrays(
     text = json.dumps({**seal, **description, "arrays": entries}, allow_nan=False)
     temporary = path.with_name(f".{path.stem}-{secrets.token_hex(4)}.exr")
     try:
-        OpenEXR.File(_parts(images, text)).write(str(temporary))
+        with _quiet():  # beside a Blender that has OpenEXR as a shared library, it warns of nothing
+            OpenEXR.File(_parts(images, text)).write(str(temporary))
         _check_written(temporary, images)
         _write_seal(temporary)
         os.replace(temporary, path)
@@ -88,14 +89,18 @@ def read_arrays(
     if not is_model(path):
         raise NacreError(f"{path}: an OpenEXR picture, but not a model of Nacre's")
     _check_seal(path)
-    parts = OpenEXR.File(str(path), separate_channels=True).parts
-    description = json.loads(parts[0].header["nacre"])
+    try:
+        with _quiet():
+            parts = OpenEXR.File(str(path), separate_channels=True).parts
+        description = json.loads(parts[0].header["nacre"])
+        images = {part.name(): part.channels[CHANNEL].pixels for part in parts}
+    except (RuntimeError, LookupError, ValueError) as error:
+        raise _damaged(path) from error
     if description["nacre"] != VERSION:
         raise NacreError(
             f"{path}: is of file version {description['nacre']} and this Nacre reads version "
             f"{VERSION}: update the extension"
         )
-    images = {part.name(): part.channels[CHANNEL].pixels for part in parts}
     arrays = {}
     for name, entry in description["arrays"].items():
         if name not in images:
@@ -199,16 +204,22 @@ def _write_seal(path: Path) -> None:
 
 
 def _check_seal(path: str | os.PathLike[str]) -> None:
-    """Raise NacreError unless every byte of a file is the one that was written."""
+    """Raise NacreError unless every byte of a sealed file is the one that was written."""
     try:
         at, checksum = _checksum(path)
         with open(path, "rb") as file:
-            file.seek(at)
+            file.seek(at - len(_SEAL))
+            if file.read(len(_SEAL)) != _SEAL:
+                return  # other programs that write EXR files do not know of the seal
             intact = file.read(len(_UNSEALED)) == b"%08x" % checksum
     except OSError as error:
         raise NacreError(f"{path}: cannot be read ({error.strerror})") from error
     if not intact:
-        raise NacreError(f"{path}: cut short or damaged; copy it or compress the dataset again")
+        raise _damaged(path)
+
+
+def _damaged(path: str | os.PathLike[str]) -> NacreError:
+    return NacreError(f"{path}: cut short or damaged; copy it or compress the dataset again")
 
 
 def _checksum(path: str | os.PathLike[str]) -> tuple[int, int]:

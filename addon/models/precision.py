@@ -1,7 +1,7 @@
 """How many bits each stored number needs: rounding that a lossless file then turns into size.
 
 A fit's own error hides errors far below it. Numbers are rounded to multiples of steps that are
-powers of two of their array's peak, so that half floats hold them exactly with trailing zeros.
+powers of two of their array's peak, so that nearly all are half floats that end in zeros.
 """
 
 from __future__ import annotations

@@ -19,14 +19,16 @@ def thin_plate_weights(
     if len(measured) == 1:
         return np.ones((len(wanted), 1))
     count = len(measured)
+    # About the centre, so that what directions on a circle or a line leave open (the polynomial's
+    # columns then depend on each other) is constant in the pseudo-inverse's least solution.
+    centre = measured.mean(0)
+    linear = _linear(measured - centre)
     system = np.zeros((count + 4, count + 4))
     system[:count, :count] = _kernel(measured, measured)
-    system[:count, count:] = _linear(measured)
-    system[count:, :count] = _linear(measured).T
-    # The pseudo-inverse also serves directions on a circle or a line, where the polynomial's
-    # columns depend on each other.
+    system[:count, count:] = linear
+    system[count:, :count] = linear.T
     solution = np.linalg.pinv(system, hermitian=True)[:, :count]
-    return np.hstack([_kernel(wanted, measured), _linear(wanted)]) @ solution
+    return np.hstack([_kernel(wanted, measured), _linear(wanted - centre)]) @ solution
 
 
 def raise_to_lowest(
@@ -61,5 +63,5 @@ def _kernel(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.floa
     return 0.5 * square * np.log(square)
 
 
-def _linear(directions: NDArray[np.floating]) -> NDArray[np.float64]:
-    return np.column_stack([np.ones(len(directions)), directions])
+def _linear(points: NDArray[np.floating]) -> NDArray[np.float64]:
+    return np.column_stack([np.ones(len(points)), points])

@@ -1,5 +1,7 @@
 """Measure how far B is from A: datasets, models or pictures."""
 
+from __future__ import annotations
+
 import argparse
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..datasets.quality import compare_blocks
-    from ..samples import open_samples
+    from ..samples import blocks, open_samples
 
     a, b = open_samples(options.a), open_samples(options.b)
     if a.shape != b.shape:
@@ -25,10 +27,10 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         )
 
     def pairs() -> Iterator[tuple[Any, Any]]:
-        for number, pair in enumerate(zip(a.blocks(), b.blocks(), strict=True)):
-            if not progress(number / a.shape[0], "Comparing"):
+        for part in blocks(a.shape):
+            if not progress(part.start / a.shape[0], "Comparing"):
                 raise Cancelled
-            yield pair
+            yield a.read(part), b.read(part)
 
     peak = 1.0 if options.a.suffix.lower() == ".png" else None
     return {**compare_blocks(pairs(), peak), "bytes_a": a.bytes, "bytes_b": b.bytes}

@@ -14,11 +14,13 @@ if TYPE_CHECKING:
 
     from ..models.clustered_tucker import ClusteredTucker
 
+RANGES = ("light", "view", "y", "x")
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", type=Path)
     parser.add_argument("dataset", type=Path)
-    for axis in ("light", "view", "y", "x"):
+    for axis in RANGES:
         parser.add_argument(f"--{axis}", type=index_range, default=slice(None), metavar="I:J")
     parser.add_argument(
         "--directions",
@@ -34,6 +36,7 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..datasets.dataset import DatasetWriter, open_dataset
     from ..datasets.directions import read_directions_csv
     from ..models.exr import load_model
+    from ..samples import blocks
     from ..tables.evaluate import evaluate_patch
     from ..tables.tables import build_tables
     from .info import describe_dataset
@@ -45,39 +48,34 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         lights, views = np.asarray(model.dataset["light"]), np.asarray(model.dataset["view"])
     numbers = np.arange(len(lights))[options.light]
     lights, views = lights[options.light], views[options.view]
-    description = _describe(model, options, lights, views)
-    shape = (len(lights), len(views), *_texels(model, options), model.channels)
+    rows, columns = (
+        len(range(size)[part])
+        for size, part in zip(model.shape[2:4], (options.y, options.x), strict=True)
+    )
+    shape = (len(lights), len(views), rows, columns, model.channels)
+    for axis, size in zip(RANGES, shape, strict=False):
+        if size == 0:
+            raise NacreError(f"the range --{axis} leaves nothing of the {axis} axis")
+    description = _describe(model, lights, views, rows, columns)
     if options.directions:
         tables = build_tables(model, progress=progress)
     with DatasetWriter(options.dataset, description, shape, np.float32) as writer:
-        for light, number in zip(lights, numbers, strict=True):
+        for part in blocks(shape):
             if options.directions:
-                block = evaluate_patch(tables, light[None], views)[:, :, options.y, options.x]
+                block = evaluate_patch(tables, lights[part], views)[:, :, options.y, options.x]
             else:
-                block = model.decode([number], options.view, options.y, options.x)
+                block = model.decode(numbers[part], options.view, options.y, options.x)
             writer.write(block)
             if not progress(writer.fraction, "Decoding"):
                 raise Cancelled
     return describe_dataset(open_dataset(options.dataset))
 
 
-def _texels(model: ClusteredTucker, options: argparse.Namespace) -> tuple[int, int]:
-    """How many rows and columns the ranges leave."""
-    _, _, height, width, _ = model.shape
-    return len(range(height)[options.y]), len(range(width)[options.x])
-
-
 def _describe(
-    model: ClusteredTucker, options: argparse.Namespace, lights: np.ndarray, views: np.ndarray
+    model: ClusteredTucker, lights: np.ndarray, views: np.ndarray, rows: int, columns: int
 ) -> dict[str, Any]:
-    """The content of dataset.json; NacreError when the ranges leave nothing."""
-    rows, columns = _texels(model, options)
+    """The content of dataset.json for a part of the model's patch."""
     _, _, height, width, _ = model.shape
-    for axis, count in zip(
-        ("light", "view", "y", "x"), (len(lights), len(views), rows, columns), strict=True
-    ):
-        if count == 0:
-            raise NacreError(f"the range --{axis} leaves nothing of the {axis} axis")
     patch_width, patch_height = model.dataset["patch_size"]
     return {
         "nacre": 1,

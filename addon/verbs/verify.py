@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from ..errors import NacreError
 from .arguments import Progress
 from .blender import need_blender
 
@@ -19,4 +20,8 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..render.engines import ENGINES
     from ..render.verify import verify
 
-    return verify(load_model(options.model), options.engine or ENGINES, progress)
+    engines = options.engine or ENGINES
+    for engine in engines:
+        if engine not in ENGINES:
+            raise NacreError(f"engine {engine!r}: expected one of {', '.join(ENGINES)}")
+    return verify(load_model(options.model), engines, progress)

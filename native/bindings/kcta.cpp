@@ -29,11 +29,10 @@ py::dict fit_kcta(const py::array& samples, const std::vector<Index>& ranks, Ind
     const auto points = array_argument<double>(directions, "directions", 2);
     options.parameters = Eigen::Map<const MatrixD>(points.data(), points.shape(0), points.shape(1));
 
-    const Executor::Progress callback = progress_callback(progress);
+    Executor executor(threads, progress_callback(progress));
     Kcta model;
     {
         const py::gil_scoped_release release;
-        Executor executor(threads, callback);
         model = kcta(executor, source, options);
     }
 
@@ -42,11 +41,11 @@ py::dict fit_kcta(const py::array& samples, const std::vector<Index>& ranks, Ind
     for (Index extent : model.cores[0].shape()) core_shape.push_back(extent);
     py::array_t<float> core(core_shape);
     for (py::ssize_t c = 0; c < count; ++c) {
-        const Tensor& z = model.cores[static_cast<std::size_t>(c)];
+        const Tensor& z = model.cores[at(c)];
         std::copy_n(z.data(), z.size(), core.mutable_data() + c * z.size());
     }
     py::list basis;
-    const py::ssize_t items = source.shape()[static_cast<std::size_t>(clustered)];
+    const py::ssize_t items = source.shape()[at(clustered)];
     for (std::size_t n = 0; n < ranks.size(); ++n) {
         if (static_cast<Index>(n) == clustered) {
             basis.append(to_numpy(model.coefficients.data(), {1, items, mixtures, ranks[n]}));
@@ -57,7 +56,7 @@ py::dict fit_kcta(const py::array& samples, const std::vector<Index>& ranks, Ind
         py::array_t<float> array(
             {owners, py::ssize_t{bases[0].rows()}, py::ssize_t{1}, py::ssize_t{bases[0].cols()}});
         for (py::ssize_t o = 0; o < owners; ++o) {
-            const MatrixF& u = bases[static_cast<std::size_t>(o)];
+            const MatrixF& u = bases[at(o)];
             std::copy_n(u.data(), u.size(), array.mutable_data() + o * u.size());
         }
         basis.append(array);
@@ -89,10 +88,10 @@ py::array_t<double> core_gram_of(const py::object& core, const py::list& basis, 
         cores.emplace_back(shape);
         std::copy_n(values.data() + c * product(shape), product(shape), cores.back().data());
     }
-    std::vector<std::vector<MatrixF>> bases(static_cast<std::size_t>(order));
+    std::vector<std::vector<MatrixF>> bases(at(order));
     for (Index n = 0; n < order; ++n) {
         if (n == clustered) continue;
-        const std::size_t mode = static_cast<std::size_t>(n);
+        const std::size_t mode = at(n);
         const auto array = array_argument<float>(basis[mode], "basis", 4);
         require((array.shape(0) == 1 || array.shape(0) == count) && array.shape(2) == 1 &&
                     array.shape(3) == shape[mode],
@@ -111,7 +110,7 @@ py::array_t<double> core_gram_of(const py::object& core, const py::list& basis, 
         Executor executor(threads);
         gram = core_gram(executor, cores, bases, clustered);
     }
-    const Index rank = shape[static_cast<std::size_t>(clustered)];
+    const Index rank = shape[at(clustered)];
     py::array_t<double> result({count, count, rank, rank});
     auto out = result.mutable_unchecked<4>();
     for (Index j = 0; j < count; ++j) {

@@ -20,11 +20,10 @@ py::dict fit_nsvd(const py::array& samples, const std::vector<Index>& ranks, int
     require(iterations >= 1, "iterations: expected 1 or more, got ", iterations);
     require(tolerance >= 0, "tolerance: expected 0 or more, got ", tolerance);
 
-    const Executor::Progress callback = progress_callback(progress);
+    Executor executor(threads, progress_callback(progress));
     Tucker tucker;
     {
         const py::gil_scoped_release release;
-        Executor executor(threads, callback);
         tucker = nsvd(executor, source, {ranks, iterations, tolerance});
     }
     py::list basis;

@@ -61,7 +61,7 @@ py::tuple search(const py::object& projections, const py::object& gram, Index mi
         const py::gil_scoped_release release;
         Executor executor(threads);
         const std::span<const ClusterId> all(set_count ? sets.data() : nullptr,
-                                             static_cast<std::size_t>(set_count ? sets.size() : 0));
+                                             at(set_count ? sets.size() : 0));
         membership = search_clusters(executor, rows.data(), count, matrix, clusters, rank, mixtures,
                                      all, set_count);
     }

@@ -79,8 +79,8 @@ VectorD symmetric_eigen(MatrixD& matrix) {
                   &int_size, &info, 1, 1);
     size = static_cast<int>(optimum);
     int_size = integer;
-    std::vector<double> work(static_cast<std::size_t>(size));
-    std::vector<int> int_work(static_cast<std::size_t>(int_size));
+    std::vector<double> work(at(size));
+    std::vector<int> int_work(at(int_size));
     scipy_dsyevd_("V", "L", &n, matrix.data(), &n, values.data(), work.data(), &size,
                   int_work.data(), &int_size, &info, 1, 1);
     if (info != 0) throw std::runtime_error("eigenvalue iteration did not converge");

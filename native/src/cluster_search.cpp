@@ -12,8 +12,6 @@ namespace {
 
 constexpr std::size_t kMaxFactorBytes = std::size_t{32} << 20;  // kept by one search
 
-std::size_t at(Index n) { return static_cast<std::size_t>(n); }
-
 Eigen::Map<const VectorD> as_vector(std::span<const double> values) {
     return {values.data(), static_cast<Eigen::Index>(values.size())};
 }

@@ -81,7 +81,7 @@ MatrixD gram(Executor& executor, const Tensor& tensor, Index mode) {
     const Index parts = (inner + kPieceColumns - 1) / kPieceColumns;
     const Index pieces = ((outer + slices - 1) / slices) * parts;
     const Index slabs = slab_count(pieces);
-    std::vector<MatrixD> partial(static_cast<std::size_t>(slabs));
+    std::vector<MatrixD> partial(at(slabs));
     executor.parallel_for(slabs, [&](Index slab, int) {
         GramSum sum(rows);
         for (Index piece = slab * pieces / slabs; piece < (slab + 1) * pieces / slabs; ++piece) {
@@ -93,10 +93,10 @@ MatrixD gram(Executor& executor, const Tensor& tensor, Index mode) {
                 sum.add(data, {std::min(slices, outer - slice), rows, inner});
             }
         }
-        partial[static_cast<std::size_t>(slab)] = sum.finish();
+        partial[at(slab)] = sum.finish();
     });
     MatrixD total = partial[0];
-    for (Index slab = 1; slab < slabs; ++slab) total += partial[static_cast<std::size_t>(slab)];
+    for (Index slab = 1; slab < slabs; ++slab) total += partial[at(slab)];
     symmetrise(total);
     return total;
 }

@@ -20,8 +20,6 @@ constexpr int kFirstSweeps = 3;   // of the N-SVD of each first cluster
 constexpr int kSweeps = 1;        // of that of an update, which starts from the last result
 constexpr double kSweepTolerance = 1e-5;
 
-std::size_t at(Index n) { return static_cast<std::size_t>(n); }
-
 void validate(const Shape& shape, const KctaOptions& options) {
     const Index order = static_cast<Index>(shape.size());
     require(options.clustered >= 0 && options.clustered < order,

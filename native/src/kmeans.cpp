@@ -18,8 +18,6 @@ struct Clustering {
     double cost = std::numeric_limits<double>::infinity();
 };
 
-std::size_t at(Index n) { return static_cast<std::size_t>(n); }
-
 // K-means++: each further centre is a point drawn with probability proportional to its squared
 // distance from the nearest centre so far.
 MatrixD seed_centres(const MatrixD& points, Index clusters, Random& random) {

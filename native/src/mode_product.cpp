@@ -49,7 +49,7 @@ void mode_product(Executor& executor, const Tensor& in, Index mode, const Matrix
     const auto [outer, rows, inner] = view;
     const Index new_rows = op == Op::kTranspose ? basis.cols() : basis.rows();
     Shape shape = in.shape();
-    shape[static_cast<std::size_t>(mode)] = new_rows;
+    shape[at(mode)] = new_rows;
     out.reset(std::move(shape));
     const float* source = in.data();
     float* destination = out.data();
@@ -129,10 +129,10 @@ double squared_norm(const float* values, Index size) {
 double squared_norm(Executor& executor, const Tensor& tensor) {
     constexpr Index kChunk = 1 << 18;
     const Index tasks = divide_up(tensor.size(), kChunk);
-    std::vector<double> partial(static_cast<std::size_t>(tasks));
+    std::vector<double> partial(at(tasks));
     executor.parallel_for(tasks, [&](Index task, int) {
         const Index first = task * kChunk;
-        partial[static_cast<std::size_t>(task)] =
+        partial[at(task)] =
             squared_norm(tensor.data() + first, std::min(kChunk, tensor.size() - first));
     });
     return std::accumulate(partial.begin(), partial.end(), 0.0);

@@ -11,8 +11,6 @@ namespace nacre {
 
 namespace {
 
-std::size_t at(Index n) { return static_cast<std::size_t>(n); }
-
 // Pointers to the bases in use, without mode `skip` and the lead mode.
 std::vector<const MatrixF*> others(const std::vector<MatrixF>& bases, Index lead, Index skip) {
     std::vector<const MatrixF*> list(bases.size(), nullptr);

@@ -64,7 +64,7 @@ void BtfSource::read(const Shape& begin, const Shape& size, float* block) const 
 
 void BtfSource::throw_invalid() const {
     const Index pixels = dims_[0] * dims_[1] * dims_[2] * dims_[3], channels = dims_[4];
-    std::vector<float> values(static_cast<std::size_t>(dims_[3] * channels));
+    std::vector<float> values(at(dims_[3] * channels));
     for (Index pixel = 0; pixel < pixels; pixel += dims_[3]) {
         unpack(samples_, type_, pixel * channels, dims_[3] * channels, 1, values.data(), 0);
         for (std::size_t i = 0; i < values.size(); ++i) {
@@ -72,8 +72,8 @@ void BtfSource::throw_invalid() const {
             Index rest = pixel * channels + static_cast<Index>(i);
             Index index[5];
             for (int n = 4; n >= 0; --n) {
-                index[n] = rest % dims_[static_cast<std::size_t>(n)];
-                rest /= dims_[static_cast<std::size_t>(n)];
+                index[n] = rest % dims_[at(n)];
+                rest /= dims_[at(n)];
             }
             require(false, "samples: expected finite numbers below 1e15 in magnitude, got ",
                     fault(values[i]), " at light ", index[0], ", view ", index[1], ", y ", index[2],

@@ -12,8 +12,6 @@ namespace {
 
 constexpr Index kBlockFloats = 1 << 18;  // 1 MiB: with its products, about a core's second cache
 
-std::size_t at(Index n) { return static_cast<std::size_t>(n); }
-
 // Cuts a tensor into blocks that hold the modes in `whole` in full.
 class BlockGrid {
   public:

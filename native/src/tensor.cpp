@@ -15,7 +15,7 @@ Index product(const Shape& shape) {
 void Buffer::reserve(Index size) {
     if (size <= capacity_) return;
     constexpr std::size_t kLine = 64;
-    const std::size_t bytes = (static_cast<std::size_t>(size) * sizeof(float) + kLine - 1) / kLine;
+    const std::size_t bytes = (at(size) * sizeof(float) + kLine - 1) / kLine;
     data_.reset();  // free first: the old contents are not kept
     capacity_ = 0;
     data_.reset(static_cast<float*>(std::aligned_alloc(kLine, bytes * kLine)));
@@ -42,10 +42,10 @@ void Tensor::reset(Shape shape) {
 void Tensor::fill(float value) { std::fill_n(data(), size_, value); }
 
 Unfolding unfolding(const Shape& shape, Index mode) {
-    Unfolding view{1, shape[static_cast<std::size_t>(mode)], 1};
+    Unfolding view{1, shape[at(mode)], 1};
     for (Index n = 0; n < static_cast<Index>(shape.size()); ++n) {
-        if (n < mode) view.outer *= shape[static_cast<std::size_t>(n)];
-        if (n > mode) view.inner *= shape[static_cast<std::size_t>(n)];
+        if (n < mode) view.outer *= shape[at(n)];
+        if (n > mode) view.inner *= shape[at(n)];
     }
     return view;
 }
@@ -58,32 +58,29 @@ void for_each_run(const Shape& shape, const Shape& begin, const Shape& size, Run
     const int order = static_cast<int>(shape.size());
     // Trailing modes that are taken whole make longer runs.
     int last = order - 1;
-    Index length = order ? size[static_cast<std::size_t>(last)] : 1;
-    while (last > 0 &&
-           size[static_cast<std::size_t>(last)] == shape[static_cast<std::size_t>(last)]) {
+    Index length = order ? size[at(last)] : 1;
+    while (last > 0 && size[at(last)] == shape[at(last)]) {
         --last;
-        length *= size[static_cast<std::size_t>(last)];
+        length *= size[at(last)];
     }
     Shape strides(shape.size());
     Index step = 1;
     for (int n = order - 1; n >= 0; --n) {
-        strides[static_cast<std::size_t>(n)] = step;
-        step *= shape[static_cast<std::size_t>(n)];
+        strides[at(n)] = step;
+        step *= shape[at(n)];
     }
     Index runs = 1;
-    for (int n = 0; n < last; ++n) runs *= size[static_cast<std::size_t>(n)];
+    for (int n = 0; n < last; ++n) runs *= size[at(n)];
     Index base = 0;
-    for (int n = 0; n < order; ++n)
-        base += begin[static_cast<std::size_t>(n)] * strides[static_cast<std::size_t>(n)];
+    for (int n = 0; n < order; ++n) base += begin[at(n)] * strides[at(n)];
     Shape position(shape.size(), 0);
     for (Index r = 0; r < runs; ++r) {
         Index offset = base;
-        for (int n = 0; n < last; ++n)
-            offset += position[static_cast<std::size_t>(n)] * strides[static_cast<std::size_t>(n)];
+        for (int n = 0; n < last; ++n) offset += position[at(n)] * strides[at(n)];
         run(offset, r * length, length);
         for (int n = last - 1; n >= 0; --n) {
-            if (++position[static_cast<std::size_t>(n)] < size[static_cast<std::size_t>(n)]) break;
-            position[static_cast<std::size_t>(n)] = 0;
+            if (++position[at(n)] < size[at(n)]) break;
+            position[at(n)] = 0;
         }
     }
 }
@@ -93,15 +90,14 @@ void for_each_run(const Shape& shape, const Shape& begin, const Shape& size, Run
 void copy_out(const float* source, const Shape& shape, const Shape& begin, const Shape& size,
               float* block) {
     for_each_run(shape, begin, size, [&](Index from, Index to, Index length) {
-        std::memcpy(block + to, source + from, static_cast<std::size_t>(length) * sizeof(float));
+        std::memcpy(block + to, source + from, at(length) * sizeof(float));
     });
 }
 
 void copy_in(const float* block, const Shape& begin, const Shape& size, const Shape& shape,
              float* destination) {
     for_each_run(shape, begin, size, [&](Index to, Index from, Index length) {
-        std::memcpy(destination + to, block + from,
-                    static_cast<std::size_t>(length) * sizeof(float));
+        std::memcpy(destination + to, block + from, at(length) * sizeof(float));
     });
 }
 

@@ -9,8 +9,6 @@ using namespace nacre;
 
 namespace {
 
-std::size_t at(Index n) { return static_cast<std::size_t>(n); }
-
 // Eq. 8: the sum over clusters of Z_c x_n U_n,c.
 dense::Array reconstruct(const Kcta& model, const Shape& shape, const KctaOptions& options) {
     dense::Array result(shape);

@@ -2,7 +2,7 @@
 
     blender -b --python-exit-code 1 --python tests/gui/batch.py -- BTF FOLDER
 
-FOLDER takes the dataset, the model, `eevee.png` and `cycles.png`; the status is 1 when a check fails.
+FOLDER takes the dataset, the model, `eevee.png` and `cycles.png`; status 1 is a failed check.
 """
 
 import sys

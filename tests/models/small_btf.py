@@ -33,7 +33,7 @@ def describe(lights, views, channels=3, **changes):
     }
 
 
-def make_samples(shape, seed=0):
+def make_samples(shape, seed=0, noise=0.05):
     """Samples that fall with the light's angle and vary smoothly with the view, with some noise."""
     lights, views, height, width, channels = shape
     rng = np.random.default_rng(seed)
@@ -42,7 +42,7 @@ def make_samples(shape, seed=0):
     tilt = rng.normal(0.0, 0.4, (height, width, 2))
     shading = np.einsum("lvc,yxc->lvyx", light[:, None, :2] + view[:, :2], tilt)
     values = (light[:, 2, None, None, None] * np.exp(shading))[..., None] * texture
-    return (values + 0.05 * rng.random(shape)).astype(np.float32)
+    return (values + noise * rng.random(shape)).astype(np.float32)
 
 
 def write_dataset(path, shape=(6, 7, 8, 10, 3), samples=None, dtype=np.float32, **changes):
@@ -53,7 +53,9 @@ def write_dataset(path, shape=(6, 7, 8, 10, 3), samples=None, dtype=np.float32, 
     return open_dataset(path)
 
 
-def make_model(shape=(3, 4, 5, 6, 2), ranks=(3, 2, 2, 3), clusters=None, mixtures=None, shared=(), seed=0):
+def make_model(
+    shape=(3, 4, 5, 6, 2), ranks=(3, 2, 2, 3), clusters=None, mixtures=None, shared=(), seed=0
+):
     """A model of random numbers.
 
     `clusters` and `mixtures` of the clustered modes, in axis order; `shared` names the modes whose
@@ -87,4 +89,3 @@ def make_model(shape=(3, 4, 5, 6, 2), ranks=(3, 2, 2, 3), clusters=None, mixture
         dataset={name: dataset[name] for name in kept},
         fit={"method": "test", "errors": [0.5]},
     )
-

@@ -78,7 +78,9 @@ def test_a_block_is_a_part_of_the_whole(kind, block):
     model = make_model(**kind)
     expected = model.decode()
     for axis, mode in enumerate(MODES):
-        expected = np.moveaxis(np.moveaxis(expected, axis, 0)[block.get(mode, slice(None))], 0, axis)
+        expected = np.moveaxis(
+            np.moveaxis(expected, axis, 0)[block.get(mode, slice(None))], 0, axis
+        )
     decoded = model.decode(**block)
     assert decoded.shape == expected.shape
     np.testing.assert_allclose(decoded, expected, rtol=1e-4, atol=1e-4)

@@ -62,7 +62,9 @@ def test_full_ranks_leave_next_to_nothing(dataset):
 
 def test_more_mixtures_are_better(dataset):
     errors = [
-        relative_error(compress(dataset, "kcta", **{**KCTA, "mixtures": {"view": k}}), dataset.samples)
+        relative_error(
+            compress(dataset, "kcta", **{**KCTA, "mixtures": {"view": k}}), dataset.samples
+        )
         for k in (1, 2, 3)
     ]
     assert errors[0] > errors[1] > errors[2]
@@ -94,10 +96,14 @@ def test_the_seed_chooses_the_first_clusters(tmp_path):
 def test_modes_are_global_or_of_each_cluster(dataset):
     model = compress(dataset, "kcta", **KCTA, global_modes=())
     assert [len(model.bases[mode]) for mode in ("light", "view", "y", "x")] == [3, 1, 3, 3]
-    assert relative_error(model, dataset.samples) == pytest.approx(model.fit["errors"][-1], rel=1e-3)
+    assert relative_error(model, dataset.samples) == pytest.approx(
+        model.fit["errors"][-1], rel=1e-3
+    )
     model = compress(dataset, "kcta", **KCTA, global_modes=("light", "y", "x"))
     assert [len(model.bases[mode]) for mode in ("light", "view", "y", "x")] == [1, 1, 1, 1]
-    assert relative_error(model, dataset.samples) == pytest.approx(model.fit["errors"][-1], rel=1e-3)
+    assert relative_error(model, dataset.samples) == pytest.approx(
+        model.fit["errors"][-1], rel=1e-3
+    )
 
 
 def test_half_floats_are_read_where_they_lie(tmp_path):
@@ -113,7 +119,8 @@ def test_progress_rises_to_1_and_a_no_stops(dataset):
     compress(dataset, "kcta", **KCTA, progress=lambda *now: seen.append(now) or True)
     fractions = [fraction for fraction, _ in seen]
     assert fractions == sorted(fractions)
-    assert 0.0 <= fractions[0] and fractions[-1] == 1.0
+    assert fractions[0] >= 0.0
+    assert fractions[-1] == 1.0
     assert all(message for _, message in seen)
     with pytest.raises(Cancelled):
         compress(dataset, "kcta", **KCTA, progress=lambda *_: False)
@@ -172,8 +179,8 @@ def test_a_sample_that_is_no_number_is_named(tmp_path):
 
 def test_a_black_dataset_gives_a_black_model(tmp_path):
     dataset = write_dataset(tmp_path / "black.nacre", SHAPE, np.zeros(SHAPE, np.float32))
-    for method, given in (("nsvd", NSVD), ("kcta", KCTA)):
-        np.testing.assert_array_equal(compress(dataset, method, **given).decode(), 0.0)
+    for method, asked in (("nsvd", NSVD), ("kcta", KCTA)):
+        np.testing.assert_array_equal(compress(dataset, method, **asked).decode(), 0.0)
 
 
 def test_better_quality_is_better_and_larger(tmp_path):

@@ -18,6 +18,9 @@ using MatrixF = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowM
 using MatrixD = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using VectorD = Eigen::VectorXd;
 
+// An Index as the subscript of a standard container.
+inline std::size_t at(Index n) { return static_cast<std::size_t>(n); }
+
 Index product(const Shape& shape);
 
 // Floats on a cache line, uninitialised. Growing discards the contents; shrinking keeps the memory.
@@ -52,7 +55,7 @@ class Tensor {
 
     const Shape& shape() const { return shape_; }
     Index order() const { return static_cast<Index>(shape_.size()); }
-    Index dim(Index mode) const { return shape_[static_cast<std::size_t>(mode)]; }
+    Index dim(Index mode) const { return shape_[at(mode)]; }
     Index size() const { return size_; }
     float* data() { return buffer_.data(); }
     const float* data() const { return buffer_.data(); }
