@@ -22,7 +22,7 @@ from addon.tables.tables import build_tables
 ROOT = Path(__file__).parent.parent
 SAMPLE = ROOT / "samples" / "wool_W64xH64_L81xV81.btf"
 OUT = ROOT / "out" / "demo"
-SIZE = (640, 480)
+SIZE = (512, 384)
 SAMPLES = {"eevee": 16, "cycles": 16}
 LIGHT, VIEW = (50.0, 350.0), (38.0, 290.0)
 AMPLIFIED = 8

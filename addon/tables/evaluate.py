@@ -33,7 +33,7 @@ def evaluate_points(
     index = tables.index[:, row, column]
     coefficients = tables.view[:, :, row, column]
     size_y, size_x = tables.core.shape[3:5]
-    place = np.asarray(uv) % 1.0 * (size_x, size_y) - 0.5
+    place = np.asarray(uv) * (size_x, size_y) - 0.5
     corner = np.floor(place).astype(np.intp)
     along = place - corner
     reduced = np.zeros((len(place), tables.core.shape[1]), np.float32)

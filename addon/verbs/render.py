@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--light", type=angles, default=(45.0, 45.0), metavar="T,P")
     parser.add_argument("--view", type=angles, metavar="T,P")
     parser.add_argument(
-        "--mesh", default="plane", help="plane (the patch, square to it), cushion, sphere or a file"
+        "--mesh", default="plane", help="plane (the patch, square to it), cloth, sphere or a file"
     )
     parser.add_argument("--size", type=picture_size, metavar="WxH")
     parser.add_argument("--samples", type=from_1, default=16, help="a pixel, for objects")

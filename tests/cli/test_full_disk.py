@@ -20,13 +20,17 @@ def dataset(tmp_path_factory):
     return write_dataset(folder / "d.nacre", (8, 9, 24, 24, 3)).path
 
 
-def nacre(*command, before=None, prefix=()):
+def nacre(*command, limit=resource.RLIM_INFINITY, prefix=()):
+    """Run the command line; `limit` is on the bytes of a file."""
+    script = (
+        f"import resource, runpy; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit})); "
+        "runpy.run_module('addon', run_name='__main__')"
+    )
     return subprocess.run(
-        [*prefix, sys.executable, "-m", "addon", *map(str, command)],
+        [*prefix, sys.executable, "-c", script, *map(str, command)],
         cwd=ROOT,
         capture_output=True,
         text=True,
-        preexec_fn=before,
     )
 
 
@@ -53,11 +57,7 @@ def test_files_that_may_not_grow_are_not_left(dataset, tmp_path):
         (["decode", model, tmp_path / "d.nacre", "--json"], 4096),
         (["decode", model, tmp_path / "d.nacre", "--json"], 8 * 9 * 24 * 24 * 3 * 4),
     ):
-
-        def limited(limit=limit):
-            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-
-        refused(nacre(*command, before=limited), tmp_path)
+        refused(nacre(*command, limit=limit), tmp_path)
 
 
 def small_disk(folder, size):

@@ -74,6 +74,26 @@ def test_measured_directions_are_the_models(kind):
     close(seen, np.maximum(model.decode(), 0.0))
 
 
+def test_clusters_that_greedy_search_misses_are_kept():
+    """Every view lies in clusters 0 and 1, but cluster 2 alone comes nearer to it than either."""
+    kind = {
+        "ranks": (4, 1, 3, 3),
+        "clusters": {"view": 3},
+        "mixtures": {"view": 2},
+        "shared": ("light", "y", "x"),
+    }
+    model, light, view = on_texels(kind)
+    first, second, other = model.core
+    bases = {
+        mode: np.linalg.qr(basis[0, :, 0])[0][None, :, None] if mode != "view" else basis * 0 + 1
+        for mode, basis in model.bases.items()
+    }
+    members = np.tile(np.array([0, 1], np.uint32), (SHAPE[1], 1))
+    core = np.stack([first, second, first + second + 0.2 * other])
+    model = replace(model, core=core, bases=bases, members={"view": members})
+    close(evaluate_patch(build_tables(model, SIZE), light, view), np.maximum(model.decode(), 0.0))
+
+
 def test_tables_are_packed_in_quads_filled_up_with_zeros():
     tables = build_tables(make_model(SHAPE, **KINDS["kcta"]), SIZE)
     assert tables.size == SIZE
