@@ -10,6 +10,7 @@ from small_btf import hemisphere, make_model
 from addon.datasets.directions import spherical_to_unit
 from addon.errors import Cancelled, NacreError
 from addon.models.exr import load_model
+from addon.tables.against_model import tables_against_model
 from addon.tables.evaluate import evaluate_patch, evaluate_points
 from addon.tables.interpolation import thin_plate_weights
 from addon.tables.parabolic import texel_directions, texel_of
@@ -265,6 +266,20 @@ def test_progress_rises_to_1_and_a_no_stops():
         answers = iter([True] * stop + [False])
         with pytest.raises(Cancelled):
             build_tables(model, SIZE, lambda *_, answers=answers: next(answers))
+
+
+@EACH
+def test_the_error_against_the_model_is_that_of_every_measured_pair(kind):
+    model = make_model(SHAPE, **kind)  # between texels, so that there is an error
+    tables = build_tables(model, SIZE)
+    light, view = (np.asarray(model.dataset[mode]) for mode in ("light", "view"))
+    expected = np.maximum(model.decode(), 0.0)
+    error = np.abs(evaluate_patch(tables, light, view) - expected)
+    found = tables_against_model(model, tables)
+    assert found["mean_abs"] == pytest.approx(error.mean(), rel=1e-4)
+    assert found["relative"] == pytest.approx(error.mean() / expected.mean(), rel=1e-4)
+    assert found["max_abs"] == pytest.approx(error.max(), rel=1e-4)
+    assert found["relative"] > 0.001
 
 
 @pytest.mark.parametrize("setting", ["nsvd", "k3"])
