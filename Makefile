@@ -8,7 +8,7 @@ PYTHON := .venv/bin/python
 CLANG_FORMAT := .venv/bin/clang-format
 NATIVE_FILES := $(shell find native -name build -prune -o -name '*.[ch]pp' -print 2>/dev/null)
 # What a studio tool may use without Blender, and what builds it all.
-TYPED := $(wildcard addon/errors.py addon/cli.py addon/datasets addon/models addon/tables) tools
+TYPED := $(wildcard $(addprefix addon/,errors.py cli.py samples.py verbs datasets models tables)) tools
 NATIVE_TESTS := build/native-tests
 
 .DEFAULT_GOAL := help

@@ -25,7 +25,7 @@ class NACRE_OT_compress(JobOperator, bpy.types.Operator):
         return is_ready(cls)
 
     def prepare(self, context: bpy.types.Context) -> Work:
-        from ..models.exr import save_model
+        from ..models.exr import check_destination, save_model
         from ..models.exr_arrays import check_destination
         from ..models.fit import compress, quality_settings
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ADDON = Path(__file__).resolve().parents[2] / "addon"
-WITHOUT_BLENDER = ("errors.py", "datasets", "models", "tables")
+WITHOUT_BLENDER = ("errors.py", "samples.py", "datasets", "models", "tables")
 BLENDER_MODULES = {"bpy", "bmesh", "gpu", "mathutils", "bl_math", "bpy_extras", "blf"}
 
 
