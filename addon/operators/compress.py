@@ -26,7 +26,6 @@ class NACRE_OT_compress(JobOperator, bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Work:
         from ..models.exr import check_destination, save_model
-        from ..models.exr_arrays import check_destination
         from ..models.fit import compress, quality_settings
 
         chosen = context.scene.nacre
