@@ -120,7 +120,7 @@ def compress(
             "seconds": round(time.monotonic() - started, 3),
         },
     )
-    return round_model(model, errors[-1] * _energy(dataset))
+    return round_model(model, errors[-1] * result["squared_norm"])
 
 
 def _check(
@@ -160,23 +160,15 @@ def _check(
     if clusters["view"] > views:
         raise NacreError(f"clusters view={clusters['view']} is more than the {views} views")
     mixture = mixtures.get("view", 1)
-    if mixture > clusters["view"] or set(mixtures) - {"view"}:
-        raise NacreError(
-            f"mixtures view={mixture} is more than clusters view={clusters['view']}"
-            if mixture > clusters["view"]
-            else "mixtures: only the clustered mode, view, has them"
-        )
+    if mixture > clusters["view"]:
+        raise NacreError(f"mixtures view={mixture} is more than clusters view={clusters['view']}")
+    if set(mixtures) - {"view"}:
+        raise NacreError("mixtures: only the clustered mode, view, has them")
     if method == "cta" and mixture != 1:
         raise NacreError(f"cta has one mixture cluster, not {mixture}: use kcta")
     for mode in global_modes:
         if mode not in MODES or mode == "view":
             raise NacreError(f"global mode {mode!r}: expected light, y or x")
-
-
-def _energy(dataset: Dataset) -> float:
-    """The sum of squared samples, one light at a time."""
-    blocks = (np.asarray(block, np.float32).ravel() for block in dataset.samples)
-    return sum(float(np.vdot(block, block)) for block in blocks)
 
 
 def _describe(dataset: Dataset) -> dict[str, Any]:

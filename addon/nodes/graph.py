@@ -68,8 +68,6 @@ class Graph:
         """Link a wire to a socket, or set its value to a constant."""
         if isinstance(operand, Wire):
             self.tree.links.new(operand.socket, socket)
-        elif isinstance(operand, bpy.types.NodeSocket):
-            self.tree.links.new(operand, socket)
         else:
             socket.default_value = operand
 
@@ -78,21 +76,18 @@ class Graph:
 
     def operate(self, operation: str, *operands: Operand) -> Wire:
         """One Math or Vector Math node, vector when any operand is; scalars spread over vectors."""
-        vector = any(
-            isinstance(o, tuple) or (isinstance(o, Wire) and o.is_vector) for o in operands
-        )
-        if vector and operation == "MULTIPLY":
-            scalars = [o for o in operands if not isinstance(o, tuple) and not _is_vector(o)]
+        if not any(_is_vector(o) for o in operands):
+            return self.math(operation, *operands)
+        if operation == "MULTIPLY":
+            scalars = [o for o in operands if not _is_vector(o)]
             if len(scalars) == 1:
                 (vectors,) = [o for o in operands if o is not scalars[0]]
                 node = self.node("ShaderNodeVectorMath", operation="SCALE")
                 self.connect(vectors, node.inputs[0])
                 self.connect(scalars[0], node.inputs["Scale"])
                 return self.wire(node)
-        if vector:
-            operands = tuple((o, o, o) if isinstance(o, (int, float)) else o for o in operands)
-            return self.wire(self.node("ShaderNodeVectorMath", *operands, operation=operation))
-        return self.wire(self.node("ShaderNodeMath", *operands, operation=operation))
+        operands = tuple((o, o, o) if isinstance(o, (int, float)) else o for o in operands)
+        return self.wire(self.node("ShaderNodeVectorMath", *operands, operation=operation))
 
     def math(self, operation: str, *operands: Operand) -> Wire:
         """A Math node by its operation's name."""
@@ -120,4 +115,4 @@ class Graph:
 
 
 def _is_vector(operand: Operand) -> bool:
-    return isinstance(operand, Wire) and operand.is_vector
+    return isinstance(operand, tuple) or (isinstance(operand, Wire) and operand.is_vector)

@@ -66,6 +66,7 @@ py::dict fit_kcta(const py::array& samples, const std::vector<Index>& ranks, Ind
     result["basis"] = basis;
     result["members"] = to_numpy(model.members.data(), {items, mixtures});
     result["errors"] = model.errors;
+    result["squared_norm"] = model.squared_norm;
     result["iterations"] = model.iterations;
     return result;
 }
@@ -142,7 +143,8 @@ returns False to stop.
 
 Returns core (C, RL, RV, RY, RX), basis (of each mode; (1, I, K, R) for the clustered one, (1, I, 1,
 R) for a global one, else (C, I, 1, R)), members (I, K) uint32, ascending in a row, errors
-(||A - approximation||^2 / ||A||^2 of the first guess and after each iteration) and iterations.
+(||A - approximation||^2 / ||A||^2 of the first guess and after each iteration), squared_norm
+(||A||^2) and iterations.
 Tsai and Shih 2012, Algorithm 1. Raises ValueError (one line that names the argument) and
 Cancelled.)");
     module.def(

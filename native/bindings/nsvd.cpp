@@ -36,6 +36,7 @@ py::dict fit_nsvd(const py::array& samples, const std::vector<Index>& ranks, int
     result["core"] = to_numpy(tucker.core.data(), core_shape);
     result["basis"] = basis;
     result["errors"] = tucker.errors;
+    result["squared_norm"] = tucker.squared_norm;
     result["iterations"] = tucker.errors.size();
     return result;
 }
@@ -52,7 +53,7 @@ light. iterations, tolerance: alternating least squares stops when the error fal
 part of itself. threads: 0 for all. progress(fraction, message) returns False to stop.
 
 Returns core (1, RL, RV, RY, RX), basis (of each mode, (1, I, 1, R), orthonormal columns), errors
-(||A - approximation||^2 / ||A||^2 after each iteration) and iterations.
+(||A - approximation||^2 / ||A||^2 after each iteration), squared_norm (||A||^2) and iterations.
 De Lathauwer et al. 2000. Raises ValueError (one line that names the argument) and Cancelled.)");
 }
 

@@ -462,6 +462,7 @@ Kcta kcta(Executor& executor, const TensorSource& source, const KctaOptions& opt
     }
     store_mixing(fit.clusters(), shape[at(m)], options.ranks[at(m)], options.mixtures, result);
     result.errors = fit.errors();
+    result.squared_norm = energy;
     result.iterations = fit.iterations();
     return result;
 }

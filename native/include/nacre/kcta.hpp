@@ -36,6 +36,7 @@ struct Kcta {
     std::vector<float> coefficients;
     std::vector<double> errors;  // ||A - approximation||^2 / ||A||^2 at the start and after each
                                  // iteration, never rising
+    double squared_norm = 0;     // ||A||^2
     int iterations = 0;
 };
 

@@ -26,6 +26,7 @@ class NsvdModel(TypedDict):
     core: NDArray[np.float32]  # (1, RL, RV, RY, RX)
     basis: list[NDArray[np.float32]]  # (1, I, 1, R) of each mode, orthonormal columns
     errors: list[float]  # ||A - approximation||^2 / ||A||^2 after each iteration
+    squared_norm: float  # ||A||^2
     iterations: int
 
 class KctaModel(TypedDict):
@@ -34,6 +35,7 @@ class KctaModel(TypedDict):
     basis: list[NDArray[np.float32]]
     members: NDArray[np.uint32]  # (I, K) clusters of each row of the clustered mode, ascending
     errors: list[float]  # of the first guess and after each iteration; never rising
+    squared_norm: float  # ||A||^2
     iterations: int
 
 def fit_nsvd(
