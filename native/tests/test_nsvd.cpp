@@ -41,6 +41,39 @@ double reference_error(const dense::Array& a, const Shape& ranks, int sweeps) {
     return 1 - core.squared_norm() / a.squared_norm();
 }
 
+// The same bits.
+void check_same(const Tucker& a, const Tucker& b) {
+    CHECK(a.core.shape() == b.core.shape());
+    CHECK(std::equal(a.core.data(), a.core.data() + a.core.size(), b.core.data()));
+    for (std::size_t n = 0; n < a.bases.size(); ++n) CHECK(a.bases[n] == b.bases[n]);
+    CHECK(a.errors == b.errors && a.iterations == b.iterations);
+    CHECK(a.squared_norm == b.squared_norm);
+}
+
+// A fit that stops after any iteration and is taken up again, one in files: the same bits.
+void check_resumes(Executor& executor, const Tensor& tensor, const std::vector<Index>& ranks,
+                   double passes) {
+    const MemorySource source(tensor);
+    std::vector<Tucker> states;
+    NsvdOptions options{ranks, 3, 0};
+    options.checkpoint = [&](const Tucker& state) { states.push_back(state); };
+    const Tucker whole = nsvd(executor, source, options);
+    CHECK(whole.iterations == 3 && whole.errors.size() == 3 && states.size() == 3);
+    CHECK(source.passes() == passes);
+    options.checkpoint = {};
+    for (const Tucker& state : states) {
+        options.start = &state;
+        check_same(nsvd(executor, source, options), whole);
+    }
+    options.start = nullptr;
+#if defined(__linux__)
+    options.workspace = Workspace(1);
+    const Tucker mapped = nsvd(executor, source, options);
+    CHECK(mapped.core.mapped());
+    check_same(mapped, whole);
+#endif
+}
+
 }  // namespace
 
 int main() {
@@ -79,6 +112,21 @@ int main() {
     CHECK_NEAR(single.errors.back(),
                svd.singularValues().tail(4).squaredNorm() / array.squared_norm(), 1e-5);
     CHECK(nsvd(executor, source, {{0, 0, 0, 0}, 30, 1e-6}).core.shape() == shape);
+
+    check_resumes(executor, tensor, ranks, 7);
+    check_resumes(executor, tensor, {0, 2, 0, 3}, 8);  // in the end one for the core
+
+    // No iteration: the truncated HOSVD.
+    const Tucker hosvd = nsvd(executor, source, {ranks, 0, 0});
+    CHECK(hosvd.iterations == 0 && hosvd.errors.size() == 1);
+    dense::Array truncated = array;
+    for (std::size_t n = 0; n < ranks.size(); ++n) {
+        const Eigen::JacobiSVD<MatrixD> left(dense::unfold(truncated, n), Eigen::ComputeThinU);
+        truncated =
+            dense::mode_product(truncated, n, left.matrixU().leftCols(ranks[n]).transpose());
+    }
+    CHECK_NEAR(hosvd.errors[0], 1 - truncated.squared_norm() / array.squared_norm(), 1e-6);
+    CHECK(hosvd.errors[0] > tucker.errors.back());
 
     // Nothing but zeros, and modes of one row.
     Tensor zero(shape);
