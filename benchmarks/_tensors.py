@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +13,7 @@ DEPENDENT = 1e-6
 Array = NDArray[np.float32]
 
 
-def tensor_of(samples: NDArray) -> Array:
+def tensor_of(samples: NDArray[Any]) -> Array:
     """Samples (light, view, y, x, channel) as a tensor (channels * light + channel, view, y, x)."""
     tensor = samples.transpose(0, 4, 1, 2, 3).astype(np.float32, order="C")
     return tensor.reshape(-1, *tensor.shape[2:])
@@ -23,13 +25,13 @@ def squared_norm(values: Array) -> float:
     return float(sum(np.float64(row @ row) for row in rows))
 
 
-def leading_basis(gram: NDArray, rank: int) -> Array:
+def leading_basis(gram: NDArray[Any], rank: int) -> Array:
     """The leading eigenvectors (I, rank) of a Gram matrix (I, I); zero columns past I."""
     vectors = np.linalg.eigh(gram.astype(np.float64))[1][:, ::-1][:, :rank]
     return np.pad(vectors, ((0, 0), (0, rank - vectors.shape[1]))).astype(np.float32)
 
 
-def inverse_factor(gram: NDArray) -> NDArray:
+def inverse_factor(gram: NDArray[Any]) -> NDArray[Any]:
     """F with F F^T the pseudo-inverse of a Gram matrix (..., n, n), taken after scaling to a
     correlation matrix; columns of dependent directions are zero."""
     diagonal = np.diagonal(gram, axis1=-2, axis2=-1)
@@ -40,7 +42,7 @@ def inverse_factor(gram: NDArray) -> NDArray:
     return scale[..., :, None] * vectors * weight[..., None, :]
 
 
-def kmeans(points: NDArray, clusters: int, seed: int = 0) -> NDArray[np.intp]:
+def kmeans(points: NDArray[Any], clusters: int, seed: int = 0) -> NDArray[np.intp]:
     """The cluster of each point: k-means++ starts, Lloyd's iterations, the best of 32 starts."""
     random = np.random.default_rng(seed)
     best, lowest = np.zeros(len(points), np.intp), np.inf
@@ -64,11 +66,11 @@ def kmeans(points: NDArray, clusters: int, seed: int = 0) -> NDArray[np.intp]:
     return best
 
 
-def _squared_distances(points: NDArray, centres: NDArray) -> NDArray:
+def _squared_distances(points: NDArray[Any], centres: NDArray[Any]) -> NDArray[Any]:
     return np.square(points[:, None] - centres[None]).sum(2)
 
 
-def split_empty(members: list[NDArray[np.intp]], errors: NDArray) -> list[tuple[int, int]]:
+def split_empty(members: list[NDArray[np.intp]], errors: NDArray[Any]) -> list[tuple[int, int]]:
     """Give each empty cluster the worse half of the cluster with the largest error (K-CTA, 5.3).
 
     members  the items of each cluster, changed in place

@@ -9,8 +9,8 @@ it fits the wool sample.
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +65,7 @@ class Fit:
         mixing = self.mixing.reshape(-1, width).astype(np.float64)
         approximated = ((mixing @ self.gram - 2 * self.projections) * mixing).sum(1)
         self.item_errors = np.maximum(0, self.item_energy + approximated)
-        return (self.lost + self.item_errors.sum()) / self.energy
+        return float((self.lost + self.item_errors.sum()) / self.energy)
 
     def search(self, mixtures: int) -> None:
         """The clustering stage: Eqs. 9 to 15, all in the reduced space."""
@@ -75,7 +75,7 @@ class Fit:
         self.mixing[:] = 0
         for i in range(items):
             projections = self.projections[i].reshape(count, rank)
-            residual, chosen = projections, []
+            residual, chosen = projections, list[int]()
             for _ in range(mixtures):
                 kept = np.square(residual[:, None] @ dual).sum((1, 2))
                 kept[chosen] = -1
@@ -129,19 +129,19 @@ class Fit:
         self.expanded[c] = (cluster.y @ (cluster.core @ cluster.x.T)).reshape(rank, -1)
 
 
-def gram(tensor: Array, mode: int) -> Array:
+def gram(tensor: NDArray[Any], mode: int) -> NDArray[Any]:
     """uf_mode(A) uf_mode(A)^T."""
     unfolded = np.moveaxis(tensor, mode, 0).reshape(tensor.shape[mode], -1)
     return unfolded @ unfolded.T
 
 
 def fit(
-    samples: NDArray,
+    samples: NDArray[Any],
     ranks: tuple[int, int, int, int],
     clusters: int,
     mixtures: int,
     iterations: int,
-    directions: NDArray | None = None,
+    directions: NDArray[Any] | None = None,
     labels: NDArray[np.intp] | None = None,
 ) -> tuple[Fit, Array, list[float]]:
     """K-CTA of samples (light, view, y, x, channel) with clustered views and a global light basis.
@@ -161,18 +161,13 @@ def fit(
     state = Fit(views, energy, ranks[1:], labels)
     errors = [state.project()]
     for _ in range(iterations):
-        last = [(one.y, one.x, one.core, one.members) for one in state.clusters]
-        last_mixing = state.mixing.copy()
+        last = [replace(cluster) for cluster in state.clusters], state.mixing.copy()
         state.search(mixtures)
         for c in range(clusters):
             state.update(c)
         error = state.project()
         if error > errors[-1]:  # Section 5.3: the last result again
-            state.mixing = last_mixing
-            for one, (one.y, one.x, one.core, one.members) in zip(
-                state.clusters, last, strict=True
-            ):
-                pass
+            state.clusters, state.mixing = last
             break
         errors.append(error)
     return state, light, errors

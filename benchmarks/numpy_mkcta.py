@@ -11,11 +11,13 @@ As a program it fits the wool sample.
 from __future__ import annotations
 
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._tensors import (
+    DEPENDENT,
     Array,
     inverse_factor,
     kmeans,
@@ -48,7 +50,7 @@ def _gram_y(rows: Array) -> Array:
 class Fit:
     """The state of a fit of a tensor (light rows, view, P), P the projections on y and x.
 
-    bases[n]    (C_light, C_view, I_n, R_n): zero rows where an item is no member, n = 0 light, 1 view
+    bases[n]    (C_light, C_view, I_n, R_n), n = 0 light, 1 view; rows of non-members are zero
     core        (C_light, C_view, R_light, R_view, P)
     members[n]  (C_n, I_n) bool; all colour rows of a light alike
     tied[n]     rows that share their clusters: the colours of a light, or 1
@@ -74,12 +76,10 @@ class Fit:
             np.repeat(np.arange(counts[n])[:, None] == labels[n], self.tied[n], axis=1)
             for n in range(2)
         ]
-        self.bases = [
-            np.zeros((*counts, tensor.shape[n], ranks[n]), np.float32) for n in range(2)
-        ]
+        self.bases = [np.zeros((*counts, tensor.shape[n], ranks[n]), np.float32) for n in range(2)]
         self.core = np.zeros((*counts, *ranks, tensor.shape[2]), np.float32)
         self.left = tensor.copy()  # what no cluster explains
-        self.decompose(start=True)
+        self.decompose()
 
     @property
     def counts(self) -> tuple[int, int]:
@@ -87,7 +87,7 @@ class Fit:
 
     def error(self) -> float:
         """Relative squared error."""
-        return (self.lost + squared_norm(self.left)) / self.energy
+        return float((self.lost + squared_norm(self.left)) / self.energy)
 
     def expanded(self, n: int) -> list[Array]:
         """Z_c times the other mode's bases (Eq. 7), for each cluster of the other mode an array
@@ -105,16 +105,16 @@ class Fit:
 
     def projections(self, n: int, expanded: list[Array]) -> NDArray[np.float64]:
         """Eq. 16 for every item of mode n: (I_n, C_n, unknowns of a cluster)."""
-        other = 1 - n
         parts = []
-        for items, basis in zip(self.members[other], expanded, strict=True):
+        for member, basis in zip(self.members[1 - n], expanded, strict=True):
+            flat = basis.reshape(basis.shape[0] * basis.shape[1], *basis.shape[2:])
             if n == 0:
-                data = self.tensor[:, items]
+                rows = self.tensor[:, member].reshape(len(self.tensor), -1)
+                part = rows @ flat.reshape(len(flat), -1).T
             else:
-                data = self.tensor[items].swapaxes(0, 1)
-            flat = basis.reshape(basis.shape[0] * basis.shape[1], -1)
-            part = data.reshape(len(data), -1) @ flat.T
-            parts.append(part.reshape(len(part), *basis.shape[:2]))
+                items = enumerate(np.flatnonzero(member))
+                part = sum(self.tensor[i] @ flat[:, k].T for k, i in items)
+            parts.append(part.reshape(-1, *basis.shape[:2]))
         stacked = np.stack(parts, axis=2)  # (I_n, C_n, C_other, R_n)
         return stacked.reshape(*stacked.shape[:2], -1).astype(np.float64)
 
@@ -148,14 +148,14 @@ class Fit:
         groups = items // self.tied[n]
         factors: dict[tuple[int, ...], NDArray] = {}
 
-        def factor(clusters: tuple[int, ...]) -> NDArray:
+        def factor(clusters: tuple[int, ...]) -> NDArray[Any]:
             if clusters not in factors:
                 size = len(clusters) * unknowns
                 block = gram[list(clusters)][:, :, list(clusters)]
                 factors[clusters] = inverse_factor(block.reshape(size, size))
             return factors[clusters]
 
-        def explained(clusters: tuple[int, ...], rows: NDArray | slice) -> NDArray:
+        def explained(clusters: tuple[int, ...], rows: NDArray[Any] | slice) -> NDArray[Any]:
             """Eq. 15 for each item group: the energy that these clusters explain."""
             chosen = projections[rows][:, list(clusters)].reshape(-1, len(clusters) * unknowns)
             reduced = np.square(chosen @ factor(clusters)).sum(1)
@@ -193,7 +193,7 @@ class Fit:
         self.orthonormalise(n)
 
     def split_empty(
-        self, n: int, basis: Array, chosen: list[tuple[int, ...]], errors: NDArray
+        self, n: int, basis: Array, chosen: list[tuple[int, ...]], errors: NDArray[Any]
     ) -> None:
         """Set the members of mode n; an empty cluster takes half of another's and its core."""
         count, tied = basis.shape[1], self.tied[n]
@@ -215,8 +215,10 @@ class Fit:
     def orthonormalise(self, n: int) -> None:
         """Section 3.5.3: U = U' W by singular value decomposition, and W goes into the core."""
         u, s, v = np.linalg.svd(self.bases[n].astype(np.float64), full_matrices=False)
-        kept = s > DEPENDENT_COLUMN * s[..., :1]
-        self.bases[n] = (u * kept[..., None, :]).astype(np.float32)
+        kept = s > DEPENDENT * s[..., :1]
+        # Rounding leaves traces in the rows of non-members.
+        member = np.expand_dims(self.members[n], 1 - n)[..., None]
+        self.bases[n] = np.where(member, u * kept[..., None, :], 0).astype(np.float32)
         weight = ((s * kept)[..., None] * v).astype(np.float32)
         if n == 0:
             shape = self.core.shape
@@ -239,26 +241,26 @@ class Fit:
                 place = np.ix_(self.members[0][a], self.members[1][b])
                 self.left[place] -= self.approximate(a, b)
 
-    def decompose(self, start: bool = False) -> None:
-        """The decomposition stage (Eqs. 12 to 14): each cluster in turn is decomposed anew by one
-        sweep of least squares on what the others leave over."""
+    def decompose(self) -> None:
+        """The decomposition stage: each cluster in turn, on what the others leave over."""
         for a, b in np.ndindex(self.counts):
-            place = np.ix_(self.members[0][a], self.members[1][b])
-            residual = self.left[place]
-            if not start:
-                residual += self.approximate(a, b)
-            lights, views = self.members[0][a], self.members[1][b]
-            view = self.bases[1][a, b, views]
-            if not view.any():
-                view = leading_basis(_gram(residual, 1), self.ranks[1])
-            light = leading_basis(_gram(view.T @ residual, 0), self.ranks[0])
-            reduced = np.tensordot(light, residual, (0, 0))
-            view = leading_basis(_gram(reduced, 1), self.ranks[1])
-            self.bases[0][a, b, lights] = light
-            self.bases[1][a, b, views] = view
-            self.core[a, b] = view.T @ reduced
-            residual -= self.approximate(a, b)
-            self.left[place] = residual
+            self.decompose_one(a, b)
+
+    def decompose_one(self, a: int, b: int) -> None:
+        """Decompose the residual of one cluster (Eqs. 12 to 14) by one sweep of least squares."""
+        place = np.ix_(self.members[0][a], self.members[1][b])
+        residual = self.left[place]
+        residual += self.approximate(a, b)
+        view = self.bases[1][a, b, self.members[1][b]]
+        if not view.any():
+            view = leading_basis(_gram(residual, 1), self.ranks[1])
+        light = leading_basis(_gram(view.T @ residual, 0), self.ranks[0])
+        reduced = np.tensordot(light, residual, (0, 0))
+        view = leading_basis(_gram(reduced, 1), self.ranks[1])
+        self.bases[0][a, b, self.members[0][a]] = light
+        self.bases[1][a, b, self.members[1][b]] = view
+        self.core[a, b] = view.T @ reduced
+        self.left[place] = residual - self.approximate(a, b)
 
     def iterate(self, mixtures: tuple[int, int]) -> None:
         """One iteration of Algorithm 1."""
@@ -267,11 +269,14 @@ class Fit:
         self.refresh()
         self.decompose()
 
-    def state(self) -> tuple:
+    def copy(self) -> tuple[list[NDArray[np.bool_]], list[Array], Array]:
+        """What a result consists of."""
         return [m.copy() for m in self.members], [b.copy() for b in self.bases], self.core.copy()
 
-
-DEPENDENT_COLUMN = 1e-6
+    def restore(self, result: tuple[list[NDArray[np.bool_]], list[Array], Array]) -> None:
+        """Take back an earlier result."""
+        self.members, self.bases, self.core = result
+        self.refresh()
 
 
 def _gram(tensor: Array, mode: int) -> Array:
@@ -280,12 +285,12 @@ def _gram(tensor: Array, mode: int) -> Array:
 
 
 def fit(
-    samples: NDArray,
+    samples: NDArray[Any],
     ranks: tuple[int, int, int, int],
     clusters: tuple[int, int],
     mixtures: tuple[int, int],
     iterations: int,
-    directions: tuple[NDArray, NDArray] | None = None,
+    directions: tuple[NDArray[Any], NDArray] | None = None,
     labels: tuple[NDArray[np.intp], NDArray[np.intp]] | None = None,
     first_iterations: int = FIRST_ITERATIONS,
 ) -> tuple[Fit, tuple[Array, Array], list[float]]:
@@ -308,12 +313,17 @@ def fit(
     reduced = reduced.reshape(*reduced.shape[:2], -1)
     state = Fit(reduced, energy, ranks[:2], labels, samples.shape[-1])
     errors = [state.error()]
-    for iteration in range(iterations):
-        last = state.state()
-        state.iterate((1, 1) if iteration < first_iterations else mixtures)
+    first = first_iterations > 0
+    while len(errors) <= iterations:
+        last = state.copy()
+        state.iterate((1, 1) if first else mixtures)
         error = state.error()
-        if error > errors[-1]:
-            state.members, state.bases, state.core = last
-            break
+        if error > errors[-1]:  # the last result again
+            state.restore(last)
+            if not first:
+                break
+            first = False
+            continue
         errors.append(error)
+        first = first and len(errors) <= first_iterations
     return state, (y, x), errors
