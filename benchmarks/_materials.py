@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from addon.datasets.dataset import AXES, Dataset, DatasetWriter, open_dataset
+from addon.datasets.directions import spherical_to_unit
 from addon.datasets.importing import import_dataset
 
 SAMPLE = Path(__file__).parent.parent / "samples" / "wool_W64xH64_L81xV81.btf"
@@ -25,18 +29,8 @@ def patchwork(folder: str | Path, size: int) -> Dataset:
     repetition would not give it.
     """
     source = wool(folder)
-    description = {
-        "nacre": 1,
-        "kind": source.kind,
-        "axes": list(AXES),
-        "light": source.light.tolist(),
-        "view": source.view.tolist(),
-        "channels": list(source.channels),
-        "patch_size": [2 * length for length in source.patch_size],
-        "periodic": False,
-        "noise_floor_db": None,
-        "source": source.source,
-    }
+    size_of_patch = [2 * length for length in source.patch_size]
+    description = _description(source, source.light, source.view, size_of_patch)
     path = Path(folder) / f"patchwork{size}.nacre"
     shape = (*source.shape[:2], size, size, 3)
     with DatasetWriter(path, description, shape, np.float16) as writer:
@@ -48,3 +42,62 @@ def patchwork(folder: str | Path, size: int) -> Dataset:
             lower = np.concatenate([transposed, np.minimum(product, 100)], axis=2)
             writer.write(np.concatenate([upper, lower], axis=1)[:, :size, :size])
     return open_dataset(path)
+
+
+RINGS = {0: 1, 11: 6, 23.5: 12, 30: 12, 37.5: 12, 45: 18, 52.5: 18, 60: 24, 67.5: 24, 75: 24}
+"""UBO2014's 151 directions: polar angle and how many azimuths."""
+
+
+def denser(folder: str | Path) -> Dataset:
+    """The wool at 151x151 directions, 64x64 RGB: each direction mixes its three nearest ones.
+
+    Weights are inverse squared distances; a little of each texel's neighbour, more with each ring,
+    keeps the new images from lying in the span of the old.
+    """
+    source = wool(folder)
+    directions = np.concatenate(
+        [
+            spherical_to_unit(np.full(count, theta), np.arange(count) * 360 / count)
+            for theta, count in RINGS.items()
+        ]
+    )
+    light, view = _mixing(directions, source.light), _mixing(directions, source.view)
+    shifted = np.linspace(0, 0.5, len(directions), dtype=np.float32)[:, None, None, None]
+    path = Path(folder) / "denser.nacre"
+    shape = (len(directions), len(directions), *source.shape[2:])
+    description = _description(source, directions, directions, source.patch_size)
+    with DatasetWriter(path, description, shape, np.float16) as writer:
+        for row in light:
+            near = np.flatnonzero(row)
+            image = np.tensordot(row[near], np.asarray(source.samples[near], np.float32), (0, 0))
+            images = np.tensordot(view, np.maximum(image, 0), (1, 0))
+            writer.write((1 - shifted) * images + shifted * np.sqrt(images * np.roll(images, 1, 2)))
+    return open_dataset(path)
+
+
+def _mixing(directions: NDArray[np.float64], known: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Weights (directions, known) of the three nearest known directions, which sum to 1."""
+    squared = np.square(directions[:, None] - known[None]).sum(2) + 1e-6
+    weights = 1 / squared
+    weights[squared > np.sort(squared, axis=1)[:, 2:3]] = 0
+    return (weights / weights.sum(1, keepdims=True)).astype(np.float32)
+
+
+def _description(
+    source: Dataset,
+    light: NDArray[np.float64],
+    view: NDArray[np.float64],
+    patch_size: Sequence[float],
+) -> dict[str, Any]:
+    return {
+        "nacre": 1,
+        "kind": source.kind,
+        "axes": list(AXES),
+        "light": light.tolist(),
+        "view": view.tolist(),
+        "channels": list(source.channels),
+        "patch_size": list(patch_size),
+        "periodic": False,
+        "noise_floor_db": None,
+        "source": source.source,
+    }

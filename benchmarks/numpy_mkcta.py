@@ -32,7 +32,12 @@ from ._tensors import (
 )
 
 FIRST_ITERATIONS = 4
-"""With one mixture cluster a mode, Section 4.2 ("several")."""
+FIRST_GAIN = 0.02
+"""Section 4.2 begins with one mixture cluster a mode "for several iterations": four at most, and no
+more once the error falls by less than this part."""
+
+FIRST_SWEEPS = 3
+"""Of the decomposition of each first cluster."""
 
 ITERATIONS = 8
 """Of the program."""
@@ -86,7 +91,7 @@ class Fit:
         self.bases = [np.zeros((*counts, tensor.shape[n], ranks[n]), np.float32) for n in range(2)]
         self.core = np.zeros((*counts, *ranks, tensor.shape[2]), np.float32)
         self.left = tensor.copy()  # what no cluster explains
-        self.decompose()
+        self.decompose(FIRST_SWEEPS)
 
     @property
     def counts(self) -> tuple[int, int]:
@@ -248,22 +253,23 @@ class Fit:
                 place = np.ix_(self.members[0][a], self.members[1][b])
                 self.left[place] -= self.approximate(a, b)
 
-    def decompose(self) -> None:
+    def decompose(self, sweeps: int = 1) -> None:
         """The decomposition stage: each cluster in turn, on what the others leave over."""
         for a, b in np.ndindex(self.counts):
-            self.decompose_one(a, b)
+            self.decompose_one(a, b, sweeps)
 
-    def decompose_one(self, a: int, b: int) -> None:
-        """Decompose the residual of one cluster (Eqs. 12 to 14) by one sweep of least squares."""
+    def decompose_one(self, a: int, b: int, sweeps: int = 1) -> None:
+        """Decompose the residual of one cluster (Eqs. 12 to 14) by alternating least squares."""
         place = np.ix_(self.members[0][a], self.members[1][b])
         residual = self.left[place]
         residual += self.approximate(a, b)
         view = self.bases[1][a, b, self.members[1][b]]
         if not view.any():
             view = leading_basis(_gram(residual, 1), self.ranks[1])
-        light = leading_basis(_gram(view.T @ residual, 0), self.ranks[0])
-        reduced = np.tensordot(light, residual, (0, 0))
-        view = leading_basis(_gram(reduced, 1), self.ranks[1])
+        for _ in range(sweeps):
+            light = leading_basis(_gram(view.T @ residual, 0), self.ranks[0])
+            reduced = np.tensordot(light, residual, (0, 0))
+            view = leading_basis(_gram(reduced, 1), self.ranks[1])
         self.bases[0][a, b, self.members[0][a]] = light
         self.bases[1][a, b, self.members[1][b]] = view
         self.core[a, b] = view.T @ reduced
@@ -299,13 +305,12 @@ def fit(
     iterations: int,
     directions: tuple[NDArray[Any], NDArray] | None = None,
     labels: tuple[NDArray[np.intp], NDArray[np.intp]] | None = None,
-    first_iterations: int = FIRST_ITERATIONS,
 ) -> tuple[Fit, tuple[Array, Array], list[float]]:
     """MK-CTA of samples (light, view, y, x, channel) with clustered lights and views.
 
     ranks are of (light rows, view, y, x), clusters and mixtures of (light, view). The first
     clusters come from k-means of `directions` (light, view), or are given in `labels`. The first
-    `first_iterations` of the iterations have one mixture cluster. Returns the fit, the bases of
+    iterations have one mixture cluster. Returns the fit, the bases of
     y and x and the relative squared errors of the first guess and after each iteration, until one
     would rise.
     """
@@ -320,7 +325,7 @@ def fit(
     reduced = reduced.reshape(*reduced.shape[:2], -1)
     state = Fit(reduced, energy, ranks[:2], labels, samples.shape[-1])
     errors = [state.error()]
-    first = first_iterations > 0
+    first = True
     while len(errors) <= iterations:
         last = state.copy()
         state.iterate((1, 1) if first else mixtures)
@@ -332,7 +337,8 @@ def fit(
             first = False
             continue
         errors.append(error)
-        first = first and len(errors) <= first_iterations
+        gain = errors[-2] - errors[-1]
+        first = first and len(errors) <= FIRST_ITERATIONS and gain > FIRST_GAIN * error
     return state, (y, x), errors
 
 
