@@ -15,6 +15,9 @@ from addon.datasets.importing import import_dataset
 
 SAMPLE = Path(__file__).parent.parent / "samples" / "wool_W64xH64_L81xV81.btf"
 
+RINGS = {0: 1, 11: 6, 23.5: 12, 30: 12, 37.5: 12, 45: 18, 52.5: 18, 60: 24, 67.5: 24, 75: 24}
+"""UBO2014's 151 directions: polar angle and how many azimuths."""
+
 
 def wool(folder: str | Path) -> Dataset:
     """The measured wool, 81x81x64x64 RGB half floats."""
@@ -35,17 +38,18 @@ def patchwork(folder: str | Path, size: int) -> Dataset:
     shape = (*source.shape[:2], size, size, 3)
     with DatasetWriter(path, description, shape, np.float16) as writer:
         for light in range(shape[0]):
-            a = np.maximum(np.asarray(source.samples[light], np.float32), 0)
-            transposed = np.sqrt(a.swapaxes(1, 2)[..., ::-1])
-            product = a * np.roll(a, (17, 29), (1, 2))
-            upper = np.concatenate([a, np.minimum(a[:, :, ::-1] ** 1.5, 100)], axis=2)
-            lower = np.concatenate([transposed, np.minimum(product, 100)], axis=2)
-            writer.write(np.concatenate([upper, lower], axis=1)[:, :size, :size])
+            images = np.maximum(np.asarray(source.samples[light], np.float32), 0)
+            writer.write(patches(images)[:, :size, :size])
     return open_dataset(path)
 
 
-RINGS = {0: 1, 11: 6, 23.5: 12, 30: 12, 37.5: 12, 45: 18, 52.5: 18, 60: 24, 67.5: 24, 75: 24}
-"""UBO2014's 151 directions: polar angle and how many azimuths."""
+def patches(images: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Square images (view, n, n, channel) made into (view, 2 n, 2 n, channel), see `patchwork`."""
+    contrast = np.minimum(images[:, :, ::-1] ** 1.5, 100)
+    transposed = np.sqrt(images.swapaxes(1, 2)[..., ::-1])
+    product = np.minimum(images * np.roll(images, (17, 29), (1, 2)), 100)
+    upper = np.concatenate([images, contrast], axis=2)
+    return np.concatenate([upper, np.concatenate([transposed, product], axis=2)], axis=1)
 
 
 def denser(folder: str | Path) -> Dataset:
