@@ -1,4 +1,4 @@
-"""Clustered tensor approximation: N-SVD, CTA and K-CTA of measured appearance.
+"""Clustered tensor approximation: N-SVD, CTA, K-CTA and MK-CTA of measured appearance.
 
 A thin skin over a C++ library. Arrays in and out are numpy's; see `__init__.pyi` for signatures.
 """
@@ -8,7 +8,7 @@ from ._native import (
     Evaluator,
     __version__,
     core_gram,
-    fit_kcta,
+    fit_clustered,
     fit_nsvd,
     search_clusters,
 )
@@ -18,7 +18,7 @@ __all__ = [
     "Evaluator",
     "__version__",
     "core_gram",
-    "fit_kcta",
+    "fit_clustered",
     "fit_nsvd",
     "search_clusters",
 ]
