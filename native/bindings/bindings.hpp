@@ -20,6 +20,7 @@ namespace py = pybind11;
 void register_nsvd(py::module_& module);
 void register_clustered(py::module_& module);
 void register_search(py::module_& module);
+void register_evaluator(py::module_& module);
 
 // Samples (light, view, y, x, channel), C-contiguous half or float, used where they lie.
 BtfSource btf_source(const py::array& samples);

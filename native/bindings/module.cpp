@@ -42,4 +42,5 @@ PYBIND11_MODULE(_native, module) {
     nacre::python::register_nsvd(module);
     nacre::python::register_clustered(module);
     nacre::python::register_search(module);
+    nacre::python::register_evaluator(module);
 }
