@@ -35,9 +35,13 @@ def round_model(
         basis = model.bases[mode]
         others = tuple(axis for axis in range(1, model.core.ndim) if axis != number)
         slices = np.sqrt(np.sum(np.square(model.core, dtype=float), axis=others))
-        # A basis of several owners goes with their cores, a shared one with all of them.
-        gain = slices if len(basis) == len(slices) else np.linalg.norm(slices, axis=0)[None]
-        steps = step / np.maximum(gain, 1e-30)[:, None, None, :]
+        if mode in model.members:  # each number goes with the core of its cluster
+            gain = slices[model.core_of(mode)]
+        elif len(basis) == len(slices):
+            gain = slices[:, None, None]
+        else:  # global: with all of them
+            gain = np.linalg.norm(slices, axis=0)[None, None, None]
+        steps = step / np.maximum(gain, 1e-30)
         bases[mode] = _round(basis, np.broadcast_to(steps, basis.shape))
     core = _round(model.core, np.full(model.core.shape, step))
     return replace(model, core=core, bases=bases)
