@@ -160,7 +160,7 @@ def compress(
         bases=dict(zip(MODES, result["basis"], strict=True)),
         members=members,
         clusters=clusters,
-        dataset=_describe(dataset),
+        dataset=describe(dataset),
         fit={
             "method": method,
             "search": search,
@@ -239,7 +239,7 @@ def _check(
             raise NacreError(f"global mode {mode!r}: expected {' or '.join(others)}")
 
 
-def _describe(dataset: Dataset) -> dict[str, Any]:
+def describe(dataset: Dataset) -> dict[str, Any]:
     """What a model keeps of its dataset, JSON-able."""
     return {
         "light": dataset.light.tolist(),

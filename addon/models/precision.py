@@ -17,16 +17,19 @@ SHARE = 3e-5
 """Rounding may add this share of the fit's squared error: 0.0001 dB."""
 
 
-def round_model(model: ClusteredTucker, squared_error: float) -> ClusteredTucker:
+def round_model(
+    model: ClusteredTucker, squared_error: float, share: float = SHARE
+) -> ClusteredTucker:
     """Round the core and the bases so that each number adds about as much error as any other.
 
-    `squared_error` is the fit's, sum (A - A^)^2. Bases are orthonormal, so an error in the core
-    passes to the samples as it is, and one in a basis column times the norm of the core's slice.
+    `squared_error` is the fit's, sum (A - A^)^2, and rounding may add `share` of it. Bases are
+    orthonormal, so an error in the core passes to the samples as it is, and one in a basis column
+    times the norm of the core's slice.
     """
     count = model.core.size + sum(basis.size for basis in model.bases.values())
     if squared_error <= 0.0:
         return model
-    step = float(np.sqrt(12.0 * SHARE * squared_error / count))
+    step = float(np.sqrt(12.0 * share * squared_error / count))
     bases = {}
     for number, mode in enumerate(MODES, start=1):
         basis = model.bases[mode]
