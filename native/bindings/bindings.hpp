@@ -20,8 +20,9 @@ void register_nsvd(py::module_& module);
 void register_kcta(py::module_& module);
 void register_search(py::module_& module);
 
-// Samples (light, view, y, x, channel), C-contiguous half or float, used where they lie.
-BtfSource btf_source(const py::array& samples);
+// Samples (light, view, y, x, channel), C-contiguous half or float, used where they lie. `bounded`:
+// memory is; pages of a read-only numpy.memmap are dropped behind the reader.
+BtfSource btf_source(const py::array& samples, bool bounded = false);
 
 // Calls `progress(fraction, message) -> bool` (or None) with the GIL held, and lets a Ctrl-C of the
 // main thread through.
