@@ -53,9 +53,7 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if options.clusters:  # they say which modes are clustered
         most = max(settings.get("mixtures", {"": 1}).values())
         settings["clusters"] = options.clusters
-        settings["mixtures"] = {
-            mode: min(most, count) for mode, count in options.clusters.items()
-        }
+        settings["mixtures"] = {mode: min(most, count) for mode, count in options.clusters.items()}
     for name in ("ranks", "mixtures"):
         settings[name] = {**settings.get(name, {}), **getattr(options, name)}
     modes = options.global_modes
