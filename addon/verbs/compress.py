@@ -7,6 +7,8 @@ from typing import Any
 from ..errors import NacreError
 from .arguments import Progress, counts, from_0
 
+ENCODINGS = {"distance": "signed-distance", "mask": "mask"}
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", type=Path)
@@ -19,7 +21,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--clusters", type=counts, default={}, help="view=7")
     parser.add_argument("--mixtures", type=counts, default={}, help="view=3")
     parser.add_argument(
-        "--global", dest="global_modes", default="light", help="modes whose basis clusters share"
+        "--global",
+        dest="global_modes",
+        help="modes whose basis clusters share: light by default, which occlusion lacks",
+    )
+    parser.add_argument(
+        "--encoding",
+        choices=ENCODINGS,
+        help="what is fitted of occlusion: signed distance (default) or mask",
     )
     parser.add_argument("--seed", type=from_0, default=0)
     parser.add_argument("--threads", type=from_0, default=0, help="0 for every core")
@@ -27,11 +36,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..datasets.dataset import open_dataset
+    from ..datasets.occlusion import with_value
     from ..models.exr import check_destination, save_model
     from ..models.fit import METHODS, QUALITIES, compress, quality_settings
     from .info import describe_model
 
     dataset = open_dataset(options.dataset)
+    if dataset.kind == "occlusion":
+        dataset = with_value(dataset, ENCODINGS[options.encoding or "distance"])
+    elif options.encoding:
+        raise NacreError(f"{options.dataset}: --encoding is for occlusion")
     check_destination(options.model)
     quality = options.quality.upper()
     if quality not in QUALITIES:
@@ -41,11 +55,12 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     settings = quality_settings(dataset, options.method, quality)
     for name in ("ranks", "clusters", "mixtures"):
         settings[name] = {**settings.get(name, {}), **getattr(options, name)}
+    modes = options.global_modes
     model = compress(
         dataset,
         options.method,
         **settings,
-        global_modes=tuple(filter(None, options.global_modes.split(","))),
+        global_modes=modes if modes is None else tuple(filter(None, modes.split(","))),
         seed=options.seed,
         threads=options.threads,
         progress=progress,
