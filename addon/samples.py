@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .datasets.dataset import AXES, DESCRIPTION, open_dataset
+from .datasets.dataset import KINDS, DESCRIPTION, open_dataset
 from .errors import NacreError
 
 BLOCK_BYTES = 32 * 2**20
@@ -52,7 +52,7 @@ def open_samples(path: Path) -> Samples:
 
     if is_model(path):
         model = load_model(path)
-        first = AXES[model.kind][0]
+        first = KINDS[model.kind][0]
         return Samples(
             model.shape,
             lambda part: model.decode(**{first: part}),

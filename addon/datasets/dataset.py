@@ -24,7 +24,10 @@ from numpy.typing import DTypeLike
 
 from ..errors import NacreError
 
-AXES = {"btf": ("light", "view", "y", "x", "channel"), "occlusion": ("view", "y", "x")}
+AXES = ("light", "view", "y", "x", "channel")
+"""The axes of a BTF."""
+
+KINDS = {"btf": AXES, "occlusion": ("view", "y", "x")}
 """The axes of each kind of dataset."""
 
 VALUES = ("mask", "signed-distance")
@@ -300,9 +303,9 @@ def _check_description(description: Any, shape: tuple[int, ...], name: str) -> d
     require("nacre" in description, "has no version under nacre")
     require(description["nacre"] == 1, "was written by a newer Nacre: update the extension")
     kind = description.get("kind")
-    kinds = ", ".join(AXES)
-    require(isinstance(kind, str) and kind in AXES, f"is of the kind {kind!r}: expected {kinds}")
-    axes = AXES[kind]
+    kinds = ", ".join(KINDS)
+    require(isinstance(kind, str) and kind in KINDS, f"is of the kind {kind!r}: expected {kinds}")
+    axes = KINDS[kind]
     keys = _KEYS | _OWN_KEYS[kind]
     missing = keys - description.keys()
     require(not missing, f"lacks {', '.join(sorted(missing))}")

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .dataset import AXES
+from .dataset import KINDS
 
 # What a reader decodes at a time; it holds about four times this, whatever the tensor's size.
 BLOCK_BYTES = 32 * 2**20
@@ -53,7 +53,7 @@ class Source:
         return {
             "nacre": 1,
             "kind": self.kind,
-            "axes": list(AXES[self.kind]),
+            "axes": list(KINDS[self.kind]),
             "view": self.view.tolist(),
             **own,
             "patch_size": list(self.patch_size),
@@ -68,7 +68,7 @@ class Source:
 
     def summary(self) -> dict[str, Any]:
         """What `info` shows, JSON-able; sizes in bytes, `samples_bytes` once imported."""
-        sizes = dict(zip(AXES[self.kind], self.shape, strict=True))
+        sizes = dict(zip(KINDS[self.kind], self.shape, strict=True))
         colour = {"channels": CHANNELS, "colour_model": None, "cosine_flag": None}
         return {
             "format": self.format,

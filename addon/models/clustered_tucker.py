@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..datasets.dataset import AXES
+from ..datasets.dataset import KINDS
 
 
 def modes_of(kind: str) -> tuple[str, ...]:
     """Tensor modes of a kind of dataset in axis order; colour is none."""
-    return tuple(axis for axis in AXES[kind] if axis != "channel")
+    return tuple(axis for axis in KINDS[kind] if axis != "channel")
 
 
 MODES = modes_of("btf")
@@ -122,6 +122,18 @@ class ClusteredTucker:
                 self.core[cluster], [factor for _, factor in members]
             )
         return block
+
+    def core_of(self, mode: str) -> NDArray[np.intp]:
+        """Which core each row of a clustered mode's basis goes with: (owners, I, K)."""
+        basis, counts = self.bases[mode], list(self.clusters.values())
+        others = [count for name, count in self.clusters.items() if name != mode]
+        vectors = list(np.unravel_index(np.arange(len(basis)), others)) if others else []
+        members = np.repeat(self.members[mode], basis.shape[1] // len(self.members[mode]), axis=0)
+        parts = [vector[:, None, None] for vector in vectors]
+        parts.insert(list(self.clusters).index(mode), members[None].astype(np.intp))
+        return np.broadcast_to(
+            np.ravel_multi_index(np.broadcast_arrays(*parts), counts), basis.shape[:3]
+        )
 
     def _member_rows(
         self, mode: str, cluster: int, rows: NDArray[np.intp]

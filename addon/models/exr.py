@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ..datasets.dataset import AXES
+from ..datasets.dataset import KINDS
 from ..errors import NacreError
 from .clustered_tucker import ClusteredTucker, modes_of
 from .exr_arrays import check_destination, is_model, read_arrays, read_picture, write_arrays
@@ -40,7 +40,7 @@ def load_model(path: str | os.PathLike[str]) -> ClusteredTucker:
     """Read a model; NacreError when the file is missing, damaged or not a model of Nacre's."""
     arrays, description = read_arrays(path)
     kind = description.get("kind", "btf")
-    if description.get("model") != "clustered-tucker" or kind not in AXES:
+    if description.get("model") != "clustered-tucker" or kind not in KINDS:
         raise NacreError(
             f"{path}: holds a {description.get('model')!r} model of {kind!r}, which is not known "
             "here"

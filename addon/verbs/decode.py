@@ -83,7 +83,7 @@ def _decode_occlusion(
     """Write a model's masks, or the values it was fitted to, as they stand."""
     import numpy as np
 
-    from ..datasets.dataset import AXES, DatasetWriter, open_dataset
+    from ..datasets.dataset import KINDS, DatasetWriter, open_dataset
     from ..datasets.occlusion import is_covered
     from ..samples import blocks
     from .info import describe_dataset
@@ -91,7 +91,7 @@ def _decode_occlusion(
     for name, unset in (("light", slice(None)), ("directions", None)):
         if getattr(options, name) != unset:
             raise NacreError(f"{options.model}: holds occlusion, which takes no --{name}")
-    axes = AXES[model.kind]
+    axes = KINDS[model.kind]
     rows = [
         np.arange(size)[getattr(options, axis)]
         for axis, size in zip(axes, model.shape, strict=True)

@@ -40,6 +40,7 @@ PYBIND11_MODULE(_native, module) {
         "The progress callback asked for a stop.";
     module.attr("__version__") = NACRE_VERSION;
     nacre::python::register_nsvd(module);
-    nacre::python::register_kcta(module);
+    nacre::python::register_clustered(module);
     nacre::python::register_search(module);
+    nacre::python::register_evaluator(module);
 }

@@ -11,7 +11,7 @@ thread, about twenty times a second; returning False raises Cancelled, and what 
 The same arguments give the same bits for any number of threads (0: all).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypedDict
 
 import numpy as np
@@ -90,3 +90,30 @@ def search_clusters(
     projections (n, C, R): ufm(A<i>^(c)) ufm(Z_c)^T; gram as from core_gram; candidates (n, q, K):
     further sets for each row, of which the one that explains most energy wins, the greedy one in
     doubt. Returns members (n, K), ascending in a row, and coefficients (n, K, R)."""
+
+class Evaluator:
+    """Random access to a clustered Tucker model of a BTF: y and x expanded for every texel, from
+    which a texel's values take only the blocks of its light's and its view's clusters."""
+
+    shape: tuple[int, int, int, int, int]  # (light, view, y, x, channel)
+    reads: int  # core values that go into a texel for one light and view
+    nbytes: int  # of the expanded core
+
+    def __init__(
+        self,
+        core: ArrayLike,
+        basis: Sequence[ArrayLike],
+        members: Mapping[int, ArrayLike] = ...,
+        clusters: Mapping[int, int] = ...,
+        *,
+        channels: int = 3,
+        threads: int = 0,
+    ) -> None:
+        """`core` and `basis` as the fits return them; `members` (items, K) and `clusters` C of each
+        clustered mode, by its number."""
+
+    def decode_texels(
+        self, light: ArrayLike, view: ArrayLike, texels: ArrayLike, *, threads: int = 0
+    ) -> NDArray[np.float32]:
+        """Unclamped values (n, channels) at texels y * width + x (n,) for one light and one view;
+        (pairs, n, channels) for as many lights and views, with texels (n,) or (pairs, n)."""
