@@ -16,6 +16,7 @@ from ..datasets.dataset import Dataset
 from ..errors import Cancelled, NacreError
 from .checkpoint import Checkpoint
 from .clustered_tucker import MODES, ClusteredTucker, modes_of
+from .coarse import coarse_start
 from .precision import round_model
 
 METHODS = ("nsvd", "cta", "kcta", "mkcta")
@@ -74,6 +75,7 @@ def compress(
     mixtures: Mapping[str, int] | None = None,
     global_modes: tuple[str, ...] | None = None,
     search: str = "auto",
+    coarse: int = 1,
     seed: int = 0,
     threads: int = 0,
     memory: int = 0,
@@ -94,6 +96,8 @@ def compress(
     search        "kcta" (Theorems 1 and 3), "greedy" (orthogonal least squares; MK-CTA, Alg. 3),
                   "optimal" (MK-CTA, Alg. 2); "auto": "kcta" for one clustered mode, else "optimal"
                   for K < 3 and "greedy" beyond
+    coarse        begin with a fit of texels averaged over this many along y and x, where these are
+                  not global (MK-CTA, Section 5.2)
     threads       0 for every core; the result does not depend on it
     memory        bytes of anonymous memory that the process may take; 0 for no bound. What does not
                   fit goes to files beside `state`
@@ -124,6 +128,7 @@ def compress(
         "mixtures": {mode: mixtures.get(mode, 1) for mode in clusters},
         "global_modes": list(global_modes),
         "search": search,
+        "coarse": coarse,
         "seed": seed,
     }
     checkpoint = Checkpoint(state, settings, dataset) if state else None
@@ -140,17 +145,27 @@ def compress(
         if method == "nsvd":
             result = nacre_native.fit_nsvd(samples, order, **shared)
         else:
-            result = nacre_native.fit_clustered(
-                samples,
-                order,
-                clusters={MODES.index(mode): count for mode, count in clusters.items()},
-                mixtures={MODES.index(mode): count for mode, count in mixtures.items()},
-                global_modes=tuple(MODES.index(mode) for mode in (*missing, *global_modes)),
-                directions={MODES.index(mode): _places(dataset, mode) for mode in clusters},
-                search=search,
-                seed=seed,
-                **shared,
-            )
+            clustering: dict[str, Any] = {
+                "clusters": {MODES.index(mode): count for mode, count in clusters.items()},
+                "mixtures": {MODES.index(mode): count for mode, count in mixtures.items()},
+                "global_modes": tuple(MODES.index(mode) for mode in (*missing, *global_modes)),
+                "directions": {MODES.index(mode): _places(dataset, mode) for mode in clusters},
+                "search": search,
+                "tolerance": 5e-4 if len(clusters) == 1 else 2e-3,
+                "seed": seed,
+            }
+            if coarse > 1 and shared["start"] is None:
+                shared["start"] = coarse_start(
+                    samples,
+                    order,
+                    coarse,
+                    folder=shared["scratch"] or None,
+                    threads=threads,
+                    memory=memory,
+                    progress=progress,
+                    **clustering,
+                )
+            result = nacre_native.fit_clustered(samples, order, **clustering, **shared)
     except nacre_native.Cancelled as error:
         if checkpoint and not resume:
             checkpoint.remove()

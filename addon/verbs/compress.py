@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import NacreError
-from .arguments import Progress, counts, from_0, gigabytes
+from .arguments import Progress, counts, from_0, from_1, gigabytes
 
 ENCODINGS = {"distance": "signed-distance", "mask": "mask"}
 
@@ -32,6 +32,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--search", default="auto", help="kcta, greedy or optimal; auto (default) as in the papers"
+    )
+    parser.add_argument(
+        "--coarse",
+        type=from_1,
+        default=1,
+        metavar="N",
+        help="begin with texels averaged over N along x and y: faster for large patches",
     )
     parser.add_argument("--seed", type=from_0, default=0)
     parser.add_argument("--threads", type=from_0, default=0, help="0 for every core")
@@ -65,9 +72,7 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if options.clusters:  # they say which modes are clustered
         most = max(settings.get("mixtures", {"": 1}).values())
         settings["clusters"] = options.clusters
-        settings["mixtures"] = {
-            mode: min(most, count) for mode, count in options.clusters.items()
-        }
+        settings["mixtures"] = {mode: min(most, count) for mode, count in options.clusters.items()}
     for name in ("ranks", "mixtures"):
         settings[name] = {**settings.get(name, {}), **getattr(options, name)}
     modes = options.global_modes
@@ -77,6 +82,7 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         **settings,
         global_modes=modes if modes is None else tuple(filter(None, modes.split(","))),
         search=options.search,
+        coarse=options.coarse,
         seed=options.seed,
         threads=options.threads,
         memory=options.memory,
