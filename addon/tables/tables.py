@@ -69,8 +69,11 @@ def build_tables(
     The model stands in for the raw BTF: its view subtensors are interpolated by a thin-plate spline
     in the reduced space, where that is linear, and each map texel's clusters and mixing
     coefficients come from the greedy search and optimal projection of the fit (Section 6.3.2).
-    Raises NacreError when the light mode or a spatial mode is clustered, Cancelled on request.
+    Raises NacreError for occlusion, and when the light mode or a spatial mode is clustered;
+    Cancelled on request.
     """
+    if model.kind != "btf":
+        raise NacreError(f"a model of {model.kind} cannot be shown yet: choose one of a BTF")
     if set(model.clusters) - {"view"}:
         raise NacreError(
             f"models clustered in {', '.join(model.clusters)} cannot be shown yet: only the view"
