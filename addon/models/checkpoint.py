@@ -62,8 +62,8 @@ class Checkpoint:
         if not self._path.exists():
             return None
         try:
-            with np.load(self._path, allow_pickle=False) as file:
-                arrays = dict(file.items())
+            with self._path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+                arrays = dict(stored.items())
             settings, rest = (str(text) for text in arrays.pop("about"))
             state: dict[str, Any] = json.loads(rest)
             state["core"] = arrays.pop("core")

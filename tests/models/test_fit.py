@@ -254,8 +254,8 @@ def test_what_progress_raises_comes_out(dataset):
         ("kcta", {"clusters": {"view": 2}, "mixtures": {"view": 3}}, ["view=3", "view=2"]),
         ("kcta", {"mixtures": {"light": 1}}, ["light", "only clustered modes"]),
         ("cta", {"clusters": {"view": 3}, "mixtures": {"view": 2}}, ["cta", "not 2"]),
-        ("kcta", {"global_modes": ("view",)}, ["'view'", "light, y or x"]),
-        ("kcta", {"global_modes": ("u",)}, ["'u'", "light, y or x"]),
+        ("kcta", {"global_modes": ("view",)}, ["'view'", "light or y or x"]),
+        ("kcta", {"global_modes": ("u",)}, ["'u'", "light or y or x"]),
         ("kcta", {"threads": -1}, ["threads"]),
     ],
     ids=str,
@@ -280,7 +280,7 @@ def test_a_sample_that_is_no_number_is_named(tmp_path):
 
 def test_a_black_dataset_gives_a_black_model(tmp_path):
     dataset = write_dataset(tmp_path / "black.nacre", SHAPE, np.zeros(SHAPE, np.float32))
-    for method, asked in (("nsvd", NSVD), ("kcta", KCTA)):
+    for method, asked in (("nsvd", NSVD), ("kcta", KCTA), ("mkcta", MKCTA)):
         np.testing.assert_array_equal(compress(dataset, method, **asked).decode(), 0.0)
 
 
