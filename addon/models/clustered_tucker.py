@@ -86,7 +86,7 @@ class ClusteredTucker:
         # Modes after the last clustered one are whole in every cluster: adding slices is faster.
         scattered = max((MODES.index(mode) + 1 for mode in self.clusters), default=0)
         for cluster in range(len(self.core)):
-            members = [self._member_rows(mode, cluster, rows[mode]) for mode in MODES]
+            members = [self.member_rows(mode, cluster, rows[mode]) for mode in MODES]
             places = [place for place, _ in members]
             block[np.ix_(*places[:scattered])] += expand(
                 self.core[cluster], [factor for _, factor in members]
@@ -94,7 +94,7 @@ class ClusteredTucker:
         lit = block.reshape(len(lights), channels, *block.shape[1:])
         return np.ascontiguousarray(np.moveaxis(lit, 1, -1))
 
-    def _member_rows(
+    def member_rows(
         self, mode: str, cluster: int, rows: NDArray[np.intp]
     ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
         """Where in `rows` the members of a cluster stand, and their basis rows (members, R)."""
