@@ -94,6 +94,18 @@ class ClusteredTucker:
         lit = block.reshape(len(lights), channels, *block.shape[1:])
         return np.ascontiguousarray(np.moveaxis(lit, 1, -1))
 
+    def core_of(self, mode: str) -> NDArray[np.intp]:
+        """Which core each row of a clustered mode's basis goes with: (owners, I, K)."""
+        basis, counts = self.bases[mode], list(self.clusters.values())
+        others = [count for name, count in self.clusters.items() if name != mode]
+        vectors = list(np.unravel_index(np.arange(len(basis)), others)) if others else []
+        members = np.repeat(self.members[mode], basis.shape[1] // len(self.members[mode]), axis=0)
+        parts = [vector[:, None, None] for vector in vectors]
+        parts.insert(list(self.clusters).index(mode), members[None].astype(np.intp))
+        return np.broadcast_to(
+            np.ravel_multi_index(np.broadcast_arrays(*parts), counts), basis.shape[:3]
+        )
+
     def member_rows(
         self, mode: str, cluster: int, rows: NDArray[np.intp]
     ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:

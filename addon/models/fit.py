@@ -1,10 +1,11 @@
-"""Fit a model to a dataset: N-SVD, CTA or K-CTA by the compiled helper."""
+"""Fit a model to a dataset: N-SVD, CTA, K-CTA or MK-CTA by the compiled helper."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
 from math import log10
+from pathlib import Path
 from typing import Any
 
 import nacre_native
@@ -13,10 +14,13 @@ from numpy.typing import NDArray
 
 from ..datasets.dataset import Dataset
 from ..errors import Cancelled, NacreError
+from .checkpoint import Checkpoint
 from .clustered_tucker import MODES, ClusteredTucker
+from .coarse import coarse_start
 from .precision import round_model
 
-METHODS = ("nsvd", "cta", "kcta")
+METHODS = ("nsvd", "cta", "kcta", "mkcta")
+SEARCHES = ("auto", "kcta", "greedy", "optimal")
 QUALITIES = ("DRAFT", "MEDIUM", "HIGH")
 
 
@@ -46,9 +50,17 @@ def quality_settings(
     }
     if method == "nsvd":
         return {"ranks": {**ranks, "view": min(4 * clusters, views)}}
-    clusters = min(clusters, views)
-    mixtures = 1 if method == "cta" else min(mixtures, clusters)
-    return {"ranks": ranks, "clusters": {"view": clusters}, "mixtures": {"view": mixtures}}
+    counts = {"view": min(clusters, views)}
+    if method == "mkcta":  # C_n R_n as the rank of N-SVD (MK-CTA, Section 4.3)
+        counts = {"light": min(rank_light // 4, lights), **counts}
+        ranks["light"] = min(4, channels * lights)
+    if method == "cta":
+        mixtures = 1
+    return {
+        "ranks": ranks,
+        "clusters": counts,
+        "mixtures": {mode: min(mixtures, count) for mode, count in counts.items()},
+    }
 
 
 def compress(
@@ -58,69 +70,131 @@ def compress(
     ranks: Mapping[str, int],
     clusters: Mapping[str, int] | None = None,
     mixtures: Mapping[str, int] | None = None,
-    global_modes: tuple[str, ...] = ("light",),
+    global_modes: tuple[str, ...] | None = None,
+    search: str = "auto",
+    coarse: int = 1,
     seed: int = 0,
     threads: int = 0,
+    memory: int = 0,
+    state: Path | None = None,
+    resume: bool = False,
     progress: Callable[[float, str], bool] | None = None,
 ) -> ClusteredTucker:
     """Fit a clustered Tucker model.
 
-    method        "nsvd" (De Lathauwer et al. 2000), "cta" or "kcta" (Tsai and Shih 2012, Alg. 1)
+    method        "nsvd" (De Lathauwer et al. 2000), "cta" or "kcta" (Tsai and Shih 2012, Alg. 1),
+                  "mkcta" (Tsai 2015, Alg. 1)
     ranks         of the four modes; the light mode's rows are colour times light
-    clusters      of the clustered mode, {"view": C}; none for "nsvd"
-    mixtures      of the clustered mode, {"view": K}; 1 for "cta"
-    global_modes  whose basis all clusters share (Section 5.2)
+    clusters      of the clustered modes, {"view": C}: one for "cta" and "kcta", any for "mkcta",
+                  none for "nsvd". The colours of a light share its clusters
+    mixtures      of the clustered modes, {"view": K}; 1 where not given
+    global_modes  whose basis all clusters share (Section 5.2); None: the light for "cta" and
+                  "kcta", y and x for "mkcta", as far as they are not clustered
+    search        "kcta" (Theorems 1 and 3), "greedy" (orthogonal least squares; MK-CTA, Alg. 3),
+                  "optimal" (MK-CTA, Alg. 2); "auto": "kcta" for one clustered mode, else "optimal"
+                  for K < 3 and "greedy" beyond
+    coarse        begin with a fit of texels averaged over this many along y and x, where these are
+                  not global (MK-CTA, Section 5.2)
     threads       0 for every core; the result does not depend on it
+    memory        bytes of anonymous memory that the process may take; 0 for no bound. What does not
+                  fit goes to files beside `state`
+    state         where a long fit keeps its state after each iteration, removed when it ends;
+                  None for nowhere
+    resume        begin from `state`, if it is there: a fit that was killed ends with the same
+                  result as one that was not
 
     Raises NacreError for settings that do not fit the dataset, Cancelled on request.
     """
     clusters, mixtures = dict(clusters or {}), dict(mixtures or {})
-    _check(dataset, method, ranks, clusters, mixtures, global_modes)
+    clusters = {mode: clusters[mode] for mode in MODES if mode in clusters} | clusters
+    if global_modes is None:
+        default = {"nsvd": (), "mkcta": ("y", "x")}.get(method, ("light",))
+        global_modes = tuple(mode for mode in default if mode not in clusters)
+    _check(dataset, method, ranks, clusters, mixtures, global_modes, search)
     started = time.monotonic()
     order = tuple(ranks[mode] for mode in MODES)
-    members: dict[str, NDArray[np.uint32]] = {}
-    result: nacre_native.NsvdModel | nacre_native.KctaModel
+    settings = {
+        "method": method,
+        "ranks": {mode: ranks[mode] for mode in MODES},
+        "clusters": clusters,
+        "mixtures": {mode: mixtures.get(mode, 1) for mode in clusters},
+        "global_modes": list(global_modes),
+        "search": search,
+        "coarse": coarse,
+        "seed": seed,
+    }
+    checkpoint = Checkpoint(state, settings, dataset) if state else None
+    shared: dict[str, Any] = {
+        "threads": threads,
+        "memory": memory,
+        "scratch": str(state.parent) if state else "",
+        "start": checkpoint.load() if checkpoint and resume else None,
+        "checkpoint": checkpoint.save if checkpoint else None,
+        "progress": progress,
+    }
+    result: nacre_native.NsvdModel | nacre_native.ClusteredModel
     try:
         if method == "nsvd":
-            result = nacre_native.fit_nsvd(
-                dataset.samples, order, threads=threads, progress=progress
-            )
+            result = nacre_native.fit_nsvd(dataset.samples, order, **shared)
         else:
-            ((mode, count),) = clusters.items()
-            result = nacre_native.fit_kcta(
-                dataset.samples,
-                order,
-                clustered=MODES.index(mode),
-                clusters=count,
-                mixtures=mixtures.get(mode, 1),
-                global_modes=tuple(MODES.index(name) for name in global_modes),
-                directions=dataset.view,
-                seed=seed,
-                threads=threads,
-                progress=progress,
-            )
-            members[mode] = result["members"]
+            clustering: dict[str, Any] = {
+                "clusters": {MODES.index(mode): count for mode, count in clusters.items()},
+                "mixtures": {MODES.index(mode): count for mode, count in mixtures.items()},
+                "global_modes": tuple(MODES.index(mode) for mode in global_modes),
+                "directions": {MODES.index(mode): _places(dataset, mode) for mode in clusters},
+                "search": search,
+                "tolerance": 5e-4 if len(clusters) == 1 else 2e-3,
+                "seed": seed,
+            }
+            if coarse > 1 and shared["start"] is None:
+                shared["start"] = coarse_start(
+                    dataset.samples,
+                    order,
+                    coarse,
+                    folder=shared["scratch"] or None,
+                    threads=threads,
+                    memory=memory,
+                    progress=progress,
+                    **clustering,
+                )
+            result = nacre_native.fit_clustered(dataset.samples, order, **clustering, **shared)
     except nacre_native.Cancelled as error:
+        if checkpoint and not resume:
+            checkpoint.remove()
         raise Cancelled from error
-    except ValueError as error:
+    except (ValueError, MemoryError) as error:
         raise NacreError(f"{dataset.path.name}: {error}") from error
+    except OSError as error:
+        raise NacreError(f"{dataset.path.name}: {error}") from error
+    if checkpoint:
+        checkpoint.remove()
     errors = [float(error) for error in result["errors"]]
+    members = {MODES[mode]: rows for mode, rows in result.get("members", {}).items()}
     model = ClusteredTucker(
         core=result["core"],
         bases=dict(zip(MODES, result["basis"], strict=True)),
         members=members,
         clusters=clusters,
-        dataset=_describe(dataset),
+        dataset=describe(dataset),
         fit={
             "method": method,
+            "search": search,
             "seed": seed,
             "iterations": int(result["iterations"]),
+            "passes": int(result["passes"]),
             "errors": errors,
             "snr_db": round(-10.0 * log10(max(errors[-1], 1e-12)), 4),
             "seconds": round(time.monotonic() - started, 3),
         },
     )
     return round_model(model, errors[-1] * result["squared_norm"])
+
+
+def _places(dataset: Dataset, mode: str) -> NDArray[np.float64]:
+    """Where the items of a mode lie, for the first clusters (K-CTA, Section 5.1): (items, any)."""
+    if mode in ("light", "view"):
+        return np.asarray(getattr(dataset, mode), np.float64)
+    return np.arange(dataset.shape[dataset.axes.index(mode)], dtype=np.float64)[:, None]
 
 
 def _check(
@@ -130,10 +204,13 @@ def _check(
     clusters: Mapping[str, int],
     mixtures: Mapping[str, int],
     global_modes: tuple[str, ...],
+    search: str,
 ) -> None:
     """Raise NacreError, in the user's own words, for settings that cannot be fitted."""
     if method not in METHODS:
         raise NacreError(f"method {method!r}: expected one of {', '.join(METHODS)}")
+    if search not in SEARCHES:
+        raise NacreError(f"search {search!r}: expected one of {', '.join(SEARCHES)}")
     for name, given in (("rank", ranks), ("clusters", clusters), ("mixtures", mixtures)):
         for mode, value in given.items():
             if mode not in MODES:
@@ -153,25 +230,31 @@ def _check(
             )
     if method == "nsvd":
         if clusters or mixtures:
-            raise NacreError("nsvd has no clusters or mixtures: use cta or kcta")
+            raise NacreError("nsvd has no clusters or mixtures: use cta, kcta or mkcta")
         return
-    if list(clusters) != ["view"]:
-        raise NacreError(f"{method} clusters the view mode: give --clusters view=C")
-    if clusters["view"] > views:
-        raise NacreError(f"clusters view={clusters['view']} is more than the {views} views")
-    mixture = mixtures.get("view", 1)
-    if mixture > clusters["view"]:
-        raise NacreError(f"mixtures view={mixture} is more than clusters view={clusters['view']}")
-    if set(mixtures) - {"view"}:
-        raise NacreError("mixtures: only the clustered mode, view, has them")
-    if method == "cta" and mixture != 1:
-        raise NacreError(f"cta has one mixture cluster, not {mixture}: use kcta")
+    if method == "mkcta" and not clusters:
+        raise NacreError("mkcta clusters one or more modes: give --clusters light=C,view=C")
+    if method != "mkcta" and len(clusters) != 1:
+        raise NacreError(f"{method} clusters one mode: give --clusters view=C, or use mkcta")
+    items = {**sizes, "light": lights}
+    for mode, count in clusters.items():
+        if count > items[mode]:
+            raise NacreError(f"clusters {mode}={count} is more than the {items[mode]} of that mode")
+        mixture = mixtures.get(mode, 1)
+        if mixture > count:
+            raise NacreError(f"mixtures {mode}={mixture} is more than clusters {mode}={count}")
+        if method == "cta" and mixture != 1:
+            raise NacreError(f"cta has one mixture cluster, not {mixture}: use kcta")
+    unclustered = set(mixtures) - set(clusters)
+    if unclustered:
+        raise NacreError(f"mixtures of {min(unclustered)}: only clustered modes have them")
     for mode in global_modes:
-        if mode not in MODES or mode == "view":
-            raise NacreError(f"global mode {mode!r}: expected light, y or x")
+        if mode not in MODES or mode in clusters:
+            others = [name for name in MODES if name not in clusters]
+            raise NacreError(f"global mode {mode!r}: expected {' or '.join(others)}")
 
 
-def _describe(dataset: Dataset) -> dict[str, Any]:
+def describe(dataset: Dataset) -> dict[str, Any]:
     """What a model keeps of its dataset, JSON-able."""
     return {
         "light": dataset.light.tolist(),

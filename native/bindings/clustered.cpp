@@ -52,7 +52,7 @@ ClusteredOptions read_options(const std::vector<Index>& ranks, const ByMode& clu
 }
 
 // A model of no cores is what a fit knows before its first clusters: global bases alone.
-py::dict to_python(const ClusteredTucker& model, const ClusteredOptions& options) {
+py::dict to_python(const ClusteredTucker& model, const ClusteredOptions& options, double passes) {
     const py::ssize_t count = static_cast<py::ssize_t>(model.cores.size());
     std::vector<py::ssize_t> core_shape{count};
     for (Index rank : options.ranks) core_shape.push_back(rank);
@@ -89,6 +89,7 @@ py::dict to_python(const ClusteredTucker& model, const ClusteredOptions& options
     result["errors"] = model.errors;
     result["squared_norm"] = model.squared_norm;
     result["iterations"] = model.errors.empty() ? 0 : model.errors.size() - 1;
+    result["passes"] = passes;
     return result;
 }
 
@@ -140,23 +141,28 @@ py::dict fit(const py::array& samples, const std::vector<Index>& ranks, const By
     const ClusteredOptions options = read_options(ranks, clusters, mixtures, global_modes,
                                                   directions, search, iterations, tolerance, seed);
     ClusteredTucker first;
-    if (!start.is_none()) first = from_python(py::dict(start), options);
+    double passes = 0;  // of the fit that is taken up again
+    if (!start.is_none()) {
+        const py::dict model(start);
+        first = from_python(model, options);
+        if (model.contains("passes")) passes = model["passes"].cast<double>();
+    }
     ClusteredCheckpoint report;
     if (!checkpoint.is_none()) {
         report = [&](const ClusteredTucker& state) {
             const py::gil_scoped_acquire acquire;
-            checkpoint(to_python(state, options));
+            checkpoint(to_python(state, options, passes + source.passes()));
         };
     }
     Executor executor(threads, progress_callback(progress));
     ClusteredTucker model;
     {
         const py::gil_scoped_release release;
-        Workspace workspace(memory, scratch);
+        const Workspace workspace(memory, scratch);
         model = fit_clustered(executor, workspace, source, options,
                               start.is_none() ? nullptr : &first, report);
     }
-    return to_python(model, options);
+    return to_python(model, options, passes + source.passes());
 }
 
 py::array_t<double> core_gram_of(const py::object& core, const py::list& basis, Index clustered,
@@ -242,7 +248,7 @@ Returns core (product of all C, RL, RV, RY, RX; clusters in mode order, last fas
 mode (owners, I, K, R): owners are the combinations of the other clustered modes' clusters, one for a
 global basis; K is 1 unless the mode is clustered), members ({mode: (items, K) uint32}, ascending in a
 row), errors (||A - approximation||^2 / ||A||^2 of the first guess and after each iteration),
-squared_norm (||A||^2) and iterations.
+squared_norm (||A||^2), iterations and passes (how often the samples were read).
 Raises ValueError (one line that names the argument) and Cancelled.)");
     module.def(
         "core_gram", &core_gram_of, py::arg("core"), py::arg("basis"), py::kw_only(),

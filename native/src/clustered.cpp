@@ -102,35 +102,11 @@ std::vector<Index> fitting_order(Index order, const ClusteredOptions& options) {
     return modes;
 }
 
-// The samples reduced by the global bases (Eq. 23 of the K-CTA paper), modes in the fit's order.
-Tensor reduce(Executor& executor, const TensorSource& source, const std::vector<Index>& order,
-              const std::vector<MatrixF>& bases) {
-    // One mode comes first on the way in; other orders take another copy.
-    const bool rotated = std::is_sorted(order.begin() + 1, order.end());
-    const Index first = rotated ? order[0] : 0;
-    Tensor reduced;
-    bool read = false;
-    for (Index n = 0; n < static_cast<Index>(bases.size()); ++n) {
-        if (bases[at(n)].size() == 0) continue;
-        if (!read) {
-            reduced = project(executor, source, n, bases[at(n)], first);
-            read = true;
-            continue;
-        }
-        const Index mode = n == first ? 0 : n < first ? n + 1 : n;
-        Tensor next;
-        mode_product(executor, reduced, mode, bases[at(n)], Op::kTranspose, next);
-        reduced = std::move(next);
-    }
-    if (!read) reduced = load(executor, source, first);
-    return rotated ? std::move(reduced) : permuted(reduced, order);
-}
-
 }  // namespace
 
-ClusteredTucker fit_clustered(Executor& executor, Workspace& workspace, const TensorSource& source,
-                              const ClusteredOptions& options, const ClusteredTucker* start,
-                              const ClusteredCheckpoint& checkpoint) {
+ClusteredTucker fit_clustered(Executor& executor, const Workspace& workspace,
+                              const TensorSource& source, const ClusteredOptions& options,
+                              const ClusteredTucker* start, const ClusteredCheckpoint& checkpoint) {
     validate(source, options);
     const Shape& shape = source.shape();
     const Index order = static_cast<Index>(shape.size());
@@ -150,8 +126,11 @@ ClusteredTucker fit_clustered(Executor& executor, Workspace& workspace, const Te
         energy = covariance.trace();
         globals[at(mode)] = leading_basis(covariance, options.ranks[at(mode)]);
     } else if (options.global_modes.size() > 1) {
+        // To a rough stop: what follows depends little on these bases.
         NsvdOptions global;
         global.ranks.assign(at(order), 0);
+        global.iterations = 2;
+        global.workspace = workspace;
         for (Index mode : options.global_modes) global.ranks[at(mode)] = options.ranks[at(mode)];
         Tucker tucker = nsvd(executor, source, global);
         energy = tucker.squared_norm;
@@ -167,7 +146,11 @@ ClusteredTucker fit_clustered(Executor& executor, Workspace& workspace, const Te
 
     const std::vector<Index> modes = fitting_order(order, options);
     executor.stage(0.3, 0.4, "Projection on the global bases");
-    Tensor reduced = reduce(executor, source, modes, globals);
+    Bases bases(at(order), nullptr);
+    for (std::size_t n = 0; n < bases.size(); ++n) {
+        if (globals[n].size() > 0) bases[n] = &globals[n];
+    }
+    Tensor reduced = project(executor, source, bases, modes, workspace);
     if (energy < 0) {
         energy = squared_norm(executor, reduced);
         if (!std::isfinite(energy)) source.throw_invalid();

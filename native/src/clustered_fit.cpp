@@ -60,9 +60,10 @@ void move_item(Membership& found, Index item, Index mixtures, Index tied, Index 
 
 }  // namespace
 
-ClusteredFit::ClusteredFit(Executor& executor, Workspace& workspace, const TensorSource& source,
-                           const ClusteredOptions& options, std::vector<Index> modes,
-                           std::vector<MatrixF> globals, Tensor reduced, double energy)
+ClusteredFit::ClusteredFit(Executor& executor, const Workspace& workspace,
+                           const TensorSource& source, const ClusteredOptions& options,
+                           std::vector<Index> modes, std::vector<MatrixF> globals, Tensor reduced,
+                           double energy)
     : executor_(executor),
       options_(options),
       modes_(std::move(modes)),

@@ -13,7 +13,7 @@ namespace nacre {
 class ClusteredFit {
   public:
     // modes: those of the source in the order of `reduced`, clustered ones first.
-    ClusteredFit(Executor& executor, Workspace& workspace, const TensorSource& source,
+    ClusteredFit(Executor& executor, const Workspace& workspace, const TensorSource& source,
                  const ClusteredOptions& options, std::vector<Index> modes,
                  std::vector<MatrixF> globals, Tensor reduced, double energy);
 

@@ -4,6 +4,7 @@
 
 #include "nacre/blas.hpp"
 #include "nacre/gram.hpp"
+#include "thin_product.hpp"
 
 namespace nacre {
 
@@ -116,40 +117,41 @@ class Stacks {
         const float* weights = slice.weights.data();
         for (Index owner : slice.owners) {
             for (Index part = 0; part < own.count; ++part, weights += other_rank_) {
-                const float* from = state_.spread(state_.cluster(part, owner, k_)) + first;
-                for (Index r = 0; r < own.rank; ++r, to += count) {
-                    combine(from, r, weights, count, to);
-                }
+                const float* core = state_.spread(state_.cluster(part, owner, k_)) + first;
+                combine(core, weights, count, to);
+                to += own.rank * count;
             }
         }
         return out.data();
     }
 
-    // Where the rows of a stack go in the columns of the products.
-    Index column(const Slice& slice, Index row) const {
+    // Where in the columns of the products each block of rank rows of a stack goes.
+    void blocks(const Slice& slice, std::vector<Index>& columns) const {
         const Grouping& own = state_.groupings[at(k_)];
-        const Index r = row % own.rank, part = row / own.rank % own.count;
-        const Index owner = slice.owners[at(row / own.rank / own.count)];
-        return (part * state_.owners(k_) + owner) * own.rank + r;
+        columns.clear();
+        for (Index owner : slice.owners) {
+            for (Index part = 0; part < own.count; ++part) {
+                columns.push_back((part * state_.owners(k_) + owner) * own.rank);
+            }
+        }
     }
 
   private:
-    // to = sum of the core's rows with index r in mode k.
-    void combine(const float* from, Index r, const float* weights, Index count, float* to) const {
+    // The rows of one core, summed over the ranks of the other clustered modes.
+    void combine(const float* core, const float* weights, Index count, float* to) const {
         const Index rank = state_.groupings[at(k_)].rank, columns = state_.columns();
-        bool begun = false;
-        for (Index b = 0; b < before_; ++b) {
-            for (Index a = 0; a < after_; ++a) {
-                const float w = weights[b * after_ + a];
-                const float* row = from + ((b * rank + r) * after_ + a) * columns;
-                if (begun) {
-                    for (Index i = 0; i < count; ++i) to[i] += w * row[i];
-                } else {
-                    for (Index i = 0; i < count; ++i) to[i] = w * row[i];
-                }
-                begun = true;
+        // As a product with a (rank x core rows) matrix that is mostly zero.
+        const Index core_rows = state_.core_rows();
+        thread_local std::vector<float> spread;
+        spread.assign(at(rank * core_rows), 0.0f);
+        for (Index r = 0; r < rank; ++r) {
+            for (Index o = 0; o < other_rank_; ++o) {
+                const Index row = (o / after_ * rank + r) * after_ + o % after_;
+                spread[at(r * core_rows + row)] = weights[o];
             }
         }
+        thin_product(rank, count, core_rows, 1.0f, spread.data(), core_rows, 1, core, columns, 0.0f,
+                     to, count);
     }
 
     const ClusterState& state_;
@@ -273,7 +275,7 @@ MatrixD subset_projections(Executor& executor, const ClusterState& state, Index 
         MatrixF piece(rows, width);
         Buffer buffer;
         Stacks::Slice slice;
-        std::vector<Index> column(at(width));
+        std::vector<Index> blocks;
         for (Index i = slab * total / slabs; i < (slab + 1) * total / slabs; ++i) {
             const Index first = i / stacks.slices() * stacks.tile();
             const Index count = std::min(stacks.tile(), columns - first);
@@ -283,11 +285,13 @@ MatrixD subset_projections(Executor& executor, const ClusterState& state, Index 
             gemm(Op::kNone, Op::kTranspose, rows, width, count, 1.0f,
                  tensor.data() + slice.offset * columns + first, slice.step * columns, stack,
                  stride, 0.0f, piece.data(), width);
-            for (Index w = 0; w < width; ++w) column[at(w)] = stacks.column(slice, w);
+            stacks.blocks(slice, blocks);
             for (Index row = 0; row < rows; ++row) {
                 const float* from = piece.data() + row * width;
                 double* to = sum.data() + row * sum.cols();
-                for (Index w = 0; w < width; ++w) to[column[at(w)]] += from[w];
+                for (Index block : blocks) {
+                    for (Index r = 0; r < own.rank; ++r) to[block + r] += *from++;
+                }
             }
         }
         partial[at(slab)] = std::move(sum);

@@ -43,7 +43,7 @@ class DecompositionStage::Cluster {
     std::vector<Index> offsets;  // of each row of the block in the tensor, in rows
 };
 
-DecompositionStage::DecompositionStage(Executor& executor, Workspace& workspace,
+DecompositionStage::DecompositionStage(Executor& executor, const Workspace& workspace,
                                        ClusterState& state)
     : executor_(executor), workspace_(workspace), state_(state) {
     for (int i = 0; i < executor.threads(); ++i) scratch_.push_back(std::make_unique<Cluster>());

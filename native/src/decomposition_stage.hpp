@@ -13,7 +13,7 @@ namespace nacre {
 
 class DecompositionStage {
   public:
-    DecompositionStage(Executor& executor, Workspace& workspace, ClusterState& state);
+    DecompositionStage(Executor& executor, const Workspace& workspace, ClusterState& state);
     ~DecompositionStage();
 
     // Updates every cluster. `residual` is the tensor less its approximation, and stays so.
@@ -26,7 +26,7 @@ class DecompositionStage {
     void update(Executor& executor, Cluster& scratch, Tensor& residual, Index c, int sweeps);
 
     Executor& executor_;
-    Workspace& workspace_;
+    const Workspace& workspace_;
     ClusterState& state_;
     std::vector<std::unique_ptr<Cluster>> scratch_;  // one for each thread
 };

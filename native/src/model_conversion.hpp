@@ -15,8 +15,7 @@ ClusteredTucker to_model(const ClusterState& state, const ClusteredOptions& opti
                          const std::vector<double>& errors, double energy, bool complete);
 
 // Everything but the spread cores.
-void from_model(const ClusteredTucker& model, const std::vector<Index>& modes,
-                ClusterState& state);
+void from_model(const ClusteredTucker& model, const std::vector<Index>& modes, ClusterState& state);
 
 // The tensor with its modes in this order.
 Tensor permuted(const Tensor& tensor, const std::vector<Index>& order);

@@ -64,6 +64,7 @@ Tensor::Tensor(const Tensor& other) { *this = other; }
 
 Tensor& Tensor::operator=(const Tensor& other) {
     if (this == &other) return *this;
+    if (!other.data()) return *this = Tensor();
     reset(other.shape_);
     std::copy_n(other.data(), size_, data());
     return *this;

@@ -42,7 +42,7 @@ std::size_t Workspace::room() const {
     return room_->bytes;
 }
 
-Tensor Workspace::tensor(Shape shape) {
+Tensor Workspace::tensor(Shape shape) const {
     const Index size = std::max<Index>(product(shape), 1);
     const std::size_t bytes = at(size) * sizeof(float);
     if (!bounded_) return Tensor(std::move(shape));

@@ -61,8 +61,8 @@ using ClusteredCheckpoint = std::function<void(const ClusteredTucker&)>;
 // The samples are streamed; what is kept of them is the tensor reduced by the global bases (Eq. 23
 // of the K-CTA paper) and its residual, both in `workspace`. `start`, if given, replaces the first
 // guess: a checkpoint, or any model of these shapes (with no errors: they are computed).
-ClusteredTucker fit_clustered(Executor& executor, Workspace& workspace, const TensorSource& source,
-                              const ClusteredOptions& options,
+ClusteredTucker fit_clustered(Executor& executor, const Workspace& workspace,
+                              const TensorSource& source, const ClusteredOptions& options,
                               const ClusteredTucker* start = nullptr,
                               const ClusteredCheckpoint& checkpoint = {});
 
