@@ -41,22 +41,26 @@ class Rows:
 
 
 def resample(
-    model: ClusteredTucker, lights: NDArray[np.floating], views: NDArray[np.floating]
+    model: ClusteredTucker,
+    lights: NDArray[np.floating] | None = None,
+    views: NDArray[np.floating] | None = None,
 ) -> ClusteredTucker:
     """The model at unit directions lights (n, 3) and views (m, 3), as sparse as it was.
 
-    Measured directions keep their rows and clusters. Lights lower than the lowest measured one fade
-    with their cosine to 0 at the horizon; lower views take the elevation of the lowest.
+    None keeps a mode as it is. Measured directions keep their rows and clusters. Lights lower than
+    the lowest measured one fade with their cosine to 0 at the horizon; lower views take the
+    elevation of the lowest.
     """
-    changed = {"light": np.asarray(lights, float), "view": np.asarray(views, float)}
-    bases, members = dict(model.bases), dict(model.members)
-    rows = {"light": resample_mode(model, "light", changed["light"])}
-    rows["view"] = resample_mode(model, "view", changed["view"])
-    for mode, new in rows.items():
-        bases[mode] = new.basis.astype(np.float32)
-        if new.members is not None:
-            members[mode] = new.members
-    dataset = {**model.dataset, **{mode: array.tolist() for mode, array in changed.items()}}
+    bases, members, dataset = dict(model.bases), dict(model.members), dict(model.dataset)
+    wanted: dict[Angular, NDArray[np.floating] | None] = {"light": lights, "view": views}
+    for mode, directions in wanted.items():
+        if directions is None:
+            continue
+        rows = resample_mode(model, mode, np.asarray(directions, float))
+        bases[mode] = rows.basis.astype(np.float32)
+        if rows.members is not None:
+            members[mode] = rows.members
+        dataset[mode] = np.asarray(directions).tolist()
     return replace(model, bases=bases, members=members, dataset=dataset)
 
 

@@ -7,7 +7,7 @@ from math import prod
 import numpy as np
 from numpy.typing import NDArray
 
-from .clustered_tucker import MODES, ClusteredTucker
+from .clustered_tucker import ClusteredTucker
 
 
 def subspace_gram(model: ClusteredTucker, mode: str) -> NDArray[np.float64]:
@@ -46,7 +46,7 @@ def _reduce(
     """
     core = model.core.astype(float)
     varying, products = [], []
-    for axis, name in enumerate(MODES, start=1):
+    for axis, name in enumerate(model.modes, start=1):
         if name == mode:
             continue
         basis = model.bases[name].astype(float)
@@ -60,8 +60,8 @@ def _reduce(
         else:
             triangle = np.linalg.qr(basis[0, :, 0], "r")
             core = np.moveaxis(np.tensordot(triangle, core, (1, axis)), 0, axis)
-    own = MODES.index(mode) + 1
-    others = [axis for axis in range(1, 5) if axis != own and axis not in varying]
+    own = model.modes.index(mode) + 1
+    others = [axis for axis in range(1, core.ndim) if axis != own and axis not in varying]
     core = np.ascontiguousarray(core.transpose(0, *varying, own, *others))
     return core.reshape(*core.shape[: len(varying) + 2], -1), products
 

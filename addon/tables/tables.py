@@ -66,8 +66,11 @@ def build_tables(
     """Resample a model's directions to parabolic maps of `size` and expand its core.
 
     Each map texel has the rows and clusters of its direction (models.resample).
-    Raises NacreError when the light mode or a spatial mode is clustered, Cancelled on request.
+    Raises NacreError for occlusion, and when the light mode or a spatial mode is clustered;
+    Cancelled on request.
     """
+    if model.kind != "btf":
+        raise NacreError(f"a model of {model.kind} cannot be shown yet: choose one of a BTF")
     if set(model.clusters) - {"view"}:
         raise NacreError(
             f"a model clustered in {' and '.join(model.clusters)} cannot be shown yet: compress "

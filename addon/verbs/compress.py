@@ -7,6 +7,8 @@ from typing import Any
 from ..errors import NacreError
 from .arguments import Progress, counts, from_0, from_1, gigabytes
 
+ENCODINGS = {"distance": "signed-distance", "mask": "mask"}
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", type=Path)
@@ -22,6 +24,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--global",
         dest="global_modes",
         help="modes whose basis clusters share: light for cta and kcta, y,x for mkcta by default",
+    )
+    parser.add_argument(
+        "--encoding",
+        choices=ENCODINGS,
+        help="what is fitted of occlusion: signed distance (default) or mask",
     )
     parser.add_argument(
         "--search", default="auto", help="kcta, greedy or optimal; auto (default) as in the papers"
@@ -45,11 +52,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..datasets.dataset import open_dataset
+    from ..datasets.occlusion import with_value
     from ..models.exr import check_destination, save_model
     from ..models.fit import METHODS, QUALITIES, compress, quality_settings
     from .info import describe_model
 
     dataset = open_dataset(options.dataset)
+    if dataset.kind == "occlusion":
+        dataset = with_value(dataset, ENCODINGS[options.encoding or "distance"])
+    elif options.encoding:
+        raise NacreError(f"{options.dataset}: --encoding is for occlusion")
     check_destination(options.model)
     quality = options.quality.upper()
     if quality not in QUALITIES:
@@ -60,9 +72,7 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if options.clusters:  # they say which modes are clustered
         most = max(settings.get("mixtures", {"": 1}).values())
         settings["clusters"] = options.clusters
-        settings["mixtures"] = {
-            mode: min(most, count) for mode, count in options.clusters.items()
-        }
+        settings["mixtures"] = {mode: min(most, count) for mode, count in options.clusters.items()}
     for name in ("ranks", "mixtures"):
         settings[name] = {**settings.get(name, {}), **getattr(options, name)}
     modes = options.global_modes
