@@ -116,7 +116,7 @@ class ClusteredTucker:
         # Modes after the last clustered one are whole in every cluster: adding slices is faster.
         scattered = max((self.modes.index(mode) + 1 for mode in self.clusters), default=0)
         for cluster in range(len(self.core)):
-            members = [self._member_rows(mode, cluster, rows[mode]) for mode in self.modes]
+            members = [self.member_rows(mode, cluster, rows[mode]) for mode in self.modes]
             places = [place for place, _ in members]
             block[np.ix_(*places[:scattered])] += expand(
                 self.core[cluster], [factor for _, factor in members]
@@ -135,7 +135,7 @@ class ClusteredTucker:
             np.ravel_multi_index(np.broadcast_arrays(*parts), counts), basis.shape[:3]
         )
 
-    def _member_rows(
+    def member_rows(
         self, mode: str, cluster: int, rows: NDArray[np.intp]
     ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
         """Where in `rows` the members of a cluster stand, and their basis rows (members, R)."""

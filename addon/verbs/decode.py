@@ -26,8 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--directions",
         type=Path,
-        help="CSV of theta,phi in degrees: every light and view of the list, from the same tables "
-        "that materials show, clamped at 0",
+        help="CSV of theta,phi in degrees: every light and view of the list, interpolated",
     )
     parser.add_argument(
         "--raw", action="store_true", help="of occlusion, the fitted values instead of masks"
@@ -40,9 +39,8 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..datasets.dataset import DatasetWriter, open_dataset
     from ..datasets.directions import read_directions_csv
     from ..models.exr import load_model
+    from ..models.resample import resample
     from ..samples import blocks
-    from ..tables.evaluate import evaluate_patch
-    from ..tables.tables import build_tables
     from .info import describe_dataset
 
     model = load_model(options.model)
@@ -54,8 +52,9 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         lights = views = read_directions_csv(options.directions)
     else:
         lights, views = np.asarray(model.dataset["light"]), np.asarray(model.dataset["view"])
-    numbers = np.arange(len(lights))[options.light]
-    lights, views = lights[options.light], views[options.view]
+    kept_lights = np.arange(len(lights))[options.light]
+    kept_views = np.arange(len(views))[options.view]
+    lights, views = lights[kept_lights], views[kept_views]
     rows, columns = (
         len(range(size)[part])
         for size, part in zip(model.shape[2:4], (options.y, options.x), strict=True)
@@ -64,14 +63,12 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     _check_ranges(RANGES, shape)
     description = _describe(model, lights, views, rows, columns)
     if options.directions:
-        tables = build_tables(model, progress=progress)
+        progress(0.0, "Resampling")
+        model = resample(model, lights, views)
+        kept_lights, kept_views = np.arange(len(lights)), np.arange(len(views))
     with DatasetWriter(options.dataset, description, shape, np.float32) as writer:
         for part in blocks(shape):
-            if options.directions:
-                block = evaluate_patch(tables, lights[part], views)[:, :, options.y, options.x]
-            else:
-                block = model.decode(numbers[part], options.view, options.y, options.x)
-            writer.write(block)
+            writer.write(model.decode(kept_lights[part], kept_views, options.y, options.x))
             if not progress(writer.fraction, "Decoding"):
                 raise Cancelled
     return describe_dataset(open_dataset(options.dataset))
@@ -84,13 +81,16 @@ def _decode_occlusion(
     import numpy as np
 
     from ..datasets.dataset import KINDS, DatasetWriter, open_dataset
+    from ..datasets.directions import read_directions_csv
     from ..datasets.occlusion import is_covered
+    from ..models.resample import resample
     from ..samples import blocks
     from .info import describe_dataset
 
-    for name, unset in (("light", slice(None)), ("directions", None)):
-        if getattr(options, name) != unset:
-            raise NacreError(f"{options.model}: holds occlusion, which takes no --{name}")
+    if options.light != slice(None):
+        raise NacreError(f"{options.model}: holds occlusion, which takes no --light")
+    if options.directions:
+        model = resample(model, views=read_directions_csv(options.directions))
     axes = KINDS[model.kind]
     rows = [
         np.arange(size)[getattr(options, axis)]
