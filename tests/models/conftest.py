@@ -1,6 +1,8 @@
-"""What these tests share; `small_btf` and `measured` lie beside them."""
+"""What these tests share: `small_btf` and `measured` lie beside them, `fibres` with the datasets'."""
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
+HERE = Path(__file__).resolve().parent
+
+sys.path[:0] = [str(HERE), str(HERE.parent / "datasets")]
