@@ -25,9 +25,11 @@ class Cancelled(Exception):
 class NsvdModel(TypedDict):
     core: NDArray[np.float32]  # (1, RL, RV, RY, RX)
     basis: list[NDArray[np.float32]]  # (1, I, 1, R) of each mode, orthonormal columns
-    errors: list[float]  # ||A - approximation||^2 / ||A||^2 after each iteration
+    # ||A - approximation||^2 / ||A||^2 after each iteration, or of the HOSVD if there is none
+    errors: list[float]
     squared_norm: float  # ||A||^2
     iterations: int
+    passes: float  # how often the samples were read: values read over values there are
 
 class KctaModel(TypedDict):
     core: NDArray[np.float32]  # (C, RL, RV, RY, RX)
@@ -45,10 +47,24 @@ def fit_nsvd(
     iterations: int = 20,
     tolerance: float = 1e-4,
     threads: int = 0,
+    memory: int = 0,
+    scratch: str = "",
+    start: NsvdModel | None = None,
+    checkpoint: Callable[[NsvdModel], object] | None = None,
     progress: Callable[[float, str], bool] | None = None,
 ) -> NsvdModel:
     """N-SVD: truncated HOSVD, then alternating least squares until the error falls by less than
-    `tolerance` of itself (De Lathauwer et al. 2000)."""
+    `tolerance` of itself (De Lathauwer et al. 2000). No iterations: the truncated HOSVD alone, each
+    mode after the one before.
+
+    `memory` bounds the anonymous memory of the process in bytes, what it has in use already
+    included; 0 is no bound. What exceeds it lies in files in the folder `scratch` ("": the
+    system's) that nobody sees and that go with the process, however it ends; RuntimeError if there
+    is no room for them. Pages of samples that are a read-only numpy.memmap, or a view of one, are
+    dropped behind the reader.
+
+    `checkpoint` is called with the model after each iteration; given as `start`, the fit goes on
+    from there, and the result has the same bits as without the break."""
 
 def fit_kcta(
     samples: NDArray[Any],
