@@ -1,4 +1,4 @@
-"""What these tests share: `small_btf` and `measured` lie beside them, `fibres` with the datasets'."""
+"""Where `small_btf`, `measured` and the datasets' `fibres` are found."""
 
 import sys
 from pathlib import Path
