@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .datasets.dataset import KINDS, DESCRIPTION, open_dataset
+from .datasets.dataset import DESCRIPTION, KINDS, open_dataset
 from .errors import NacreError
 
 BLOCK_BYTES = 32 * 2**20
