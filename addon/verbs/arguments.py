@@ -48,6 +48,17 @@ def picture_size(text: str) -> tuple[int, int]:
     return width, height
 
 
+def gigabytes(text: str) -> int:
+    """Bytes, given as a number of gigabytes (10^9)."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.2 <= value < 1e6:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of gigabytes from 0.2 on")
+    return round(value * 1e9)
+
+
 def from_0(text: str) -> int:
     """A whole number of 0 or more."""
     return _at_least(0, text)

@@ -12,90 +12,106 @@ constexpr Index kTaskFlops = 4'000'000;
 
 Index divide_up(Index a, Index b) { return (a + b - 1) / b; }
 
-// op(U) of one slice: (new rows) x (rows) times (rows) x inner, part of `inner` columns wide.
-void multiply_slice(const float* in, Index rows, Index inner, Index columns, const MatrixF& basis,
-                    Op op, float* out) {
-    const Index new_rows = op == Op::kTranspose ? basis.cols() : basis.rows();
-    gemm(op, Op::kNone, new_rows, columns, rows, 1.0f, basis.data(), basis.cols(), in, inner, 0.0f,
-         out, inner);
+// A basis in use: op(U) is `to` x `from`.
+struct Factor {
+    const float* values;
+    Index columns;
+    Op op;
+    Index to, from;
+
+    Factor(const MatrixF& basis, Op o)
+        : values(basis.data()),
+          columns(basis.cols()),
+          op(o),
+          to(o == Op::kTranspose ? basis.cols() : basis.rows()),
+          from(o == Op::kTranspose ? basis.rows() : basis.cols()) {}
+    Factor(const float* rows, Index count, Index rank)
+        : values(rows), columns(rank), op(Op::kTranspose), to(rank), from(count) {}
+};
+
+// One slice: op(U) times from x inner, part of `inner` columns wide.
+void multiply_slice(const float* in, Index inner, Index columns, const Factor& factor, float beta,
+                    float* out) {
+    gemm(factor.op, Op::kNone, factor.to, columns, factor.from, 1.0f, factor.values, factor.columns,
+         in, inner, beta, out, inner);
 }
 
-// The last mode: one matrix of outer x rows, multiplied from the right.
-void multiply_rows(const float* in, Index outer, Index rows, const MatrixF& basis, Op op,
-                   float* out) {
-    const Index new_rows = op == Op::kTranspose ? basis.cols() : basis.rows();
-    gemm(Op::kNone, op == Op::kTranspose ? Op::kNone : Op::kTranspose, outer, new_rows, rows, 1.0f,
-         in, rows, basis.data(), basis.cols(), 0.0f, out, new_rows);
+// The last mode: one matrix of outer x from, multiplied from the right.
+void multiply_rows(const float* in, Index outer, const Factor& factor, float beta, float* out) {
+    gemm(Op::kNone, factor.op == Op::kTranspose ? Op::kNone : Op::kTranspose, outer, factor.to,
+         factor.from, 1.0f, in, factor.from, factor.values, factor.columns, beta, out, factor.to);
+}
+
+void multiply(const float* in, Index outer, Index inner, const Factor& factor, float beta,
+              float* out) {
+    if (inner == 1) {
+        multiply_rows(in, outer, factor, beta, out);
+        return;
+    }
+    for (Index o = 0; o < outer; ++o) {
+        multiply_slice(in + o * factor.from * inner, inner, inner, factor, beta,
+                       out + o * factor.to * inner);
+    }
 }
 
 }  // namespace
 
 void mode_product(const float* in, const Unfolding& view, const MatrixF& basis, Op op, float* out) {
-    const auto [outer, rows, inner] = view;
-    if (inner == 1) {
-        multiply_rows(in, outer, rows, basis, op, out);
-        return;
-    }
-    const Index new_rows = op == Op::kTranspose ? basis.cols() : basis.rows();
-    for (Index o = 0; o < outer; ++o) {
-        multiply_slice(in + o * rows * inner, rows, inner, inner, basis, op,
-                       out + o * new_rows * inner);
-    }
+    multiply(in, view.outer, view.inner, Factor(basis, op), 0, out);
+}
+
+void contract(const float* in, const Unfolding& view, const float* basis, Index rank, float beta,
+              float* out) {
+    multiply(in, view.outer, view.inner, Factor(basis, view.rows, rank), beta, out);
 }
 
 void mode_product(Executor& executor, const Tensor& in, Index mode, const MatrixF& basis, Op op,
                   Tensor& out) {
-    const Unfolding view = unfolding(in.shape(), mode);
-    const auto [outer, rows, inner] = view;
-    const Index new_rows = op == Op::kTranspose ? basis.cols() : basis.rows();
+    const auto [outer, rows, inner] = unfolding(in.shape(), mode);
+    const Factor factor(basis, op);
     Shape shape = in.shape();
-    shape[at(mode)] = new_rows;
+    shape[at(mode)] = factor.to;
     out.reset(std::move(shape));
     const float* source = in.data();
     float* destination = out.data();
 
-    const Index column_flops = std::max<Index>(1, 2 * rows * new_rows);
-    if (inner == 1) {
-        const Index chunk =
-            std::clamp<Index>(kTaskFlops / column_flops, 64, std::max<Index>(64, outer));
+    const Index column_flops = std::max<Index>(1, 2 * rows * factor.to);
+    if (inner == 1 || column_flops * inner <= kTaskFlops) {
+        const Index least = inner == 1 ? 64 : 1;
+        const Index chunk = std::max(least, kTaskFlops / (column_flops * inner));
         executor.parallel_for(divide_up(outer, chunk), [&](Index task, int) {
-            const Index first = task * chunk, count = std::min(chunk, outer - first);
-            multiply_rows(source + first * rows, count, rows, basis, op,
-                          destination + first * new_rows);
-        });
-    } else if (column_flops * inner <= kTaskFlops) {
-        const Index chunk = kTaskFlops / (column_flops * inner);
-        executor.parallel_for(divide_up(outer, chunk), [&](Index task, int) {
-            const Index first = task * chunk, count = std::min(chunk, outer - first);
-            mode_product(source + first * rows * inner, {count, rows, inner}, basis, op,
-                         destination + first * new_rows * inner);
+            const Index first = task * chunk;
+            multiply(source + first * rows * inner, std::min(chunk, outer - first), inner, factor,
+                     0, destination + first * factor.to * inner);
         });
     } else {
         const Index chunk = std::max<Index>(256, kTaskFlops / column_flops);
         const Index chunks = divide_up(inner, chunk);
         executor.parallel_for(outer * chunks, [&](Index task, int) {
             const Index o = task / chunks, first = (task % chunks) * chunk;
-            multiply_slice(source + o * rows * inner + first, rows, inner,
-                           std::min(chunk, inner - first), basis, op,
-                           destination + o * new_rows * inner + first);
+            multiply_slice(source + o * rows * inner + first, inner, std::min(chunk, inner - first),
+                           factor, 0, destination + o * factor.to * inner + first);
         });
     }
 }
 
-void multi_mode_product(Executor& executor, const Tensor& in,
-                        const std::vector<const MatrixF*>& bases, Op op, Tensor& out,
-                        Tensor& scratch) {
-    std::vector<std::size_t> modes;
-    for (std::size_t n = 0; n < bases.size(); ++n) {
-        if (bases[n]) modes.push_back(n);
+std::vector<Index> product_order(const Bases& bases, Op op) {
+    std::vector<Index> modes;
+    for (Index n = 0; n < static_cast<Index>(bases.size()); ++n) {
+        if (bases[at(n)]) modes.push_back(n);
     }
-    std::stable_sort(modes.begin(), modes.end(), [&](std::size_t a, std::size_t b) {
-        const auto ratio = [&](std::size_t n) {
-            const double shrink = static_cast<double>(bases[n]->cols()) / bases[n]->rows();
-            return op == Op::kTranspose ? shrink : 1 / shrink;
-        };
-        return ratio(a) < ratio(b);
-    });
+    const auto gain = [&](Index n) {
+        const Factor factor(*bases[at(n)], op);
+        return 1.0 / static_cast<double>(factor.to) - 1.0 / static_cast<double>(factor.from);
+    };
+    std::stable_sort(modes.begin(), modes.end(),
+                     [&](Index a, Index b) { return gain(a) > gain(b); });
+    return modes;
+}
+
+void multi_mode_product(Executor& executor, const Tensor& in, const Bases& bases, Op op,
+                        Tensor& out, Tensor& scratch) {
+    const std::vector<Index> modes = product_order(bases, op);
     if (modes.empty()) {
         out = in;
         return;
@@ -103,8 +119,8 @@ void multi_mode_product(Executor& executor, const Tensor& in,
     // The last product lands in `out`.
     const Tensor* from = &in;
     Tensor* to = modes.size() % 2 ? &out : &scratch;
-    for (std::size_t n : modes) {
-        mode_product(executor, *from, static_cast<Index>(n), *bases[n], op, *to);
+    for (Index n : modes) {
+        mode_product(executor, *from, n, *bases[at(n)], op, *to);
         from = to;
         to = to == &out ? &scratch : &out;
     }

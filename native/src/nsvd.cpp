@@ -11,134 +11,174 @@ namespace nacre {
 
 namespace {
 
-// Pointers to the bases in use, without mode `skip` and the lead mode.
-std::vector<const MatrixF*> others(const std::vector<MatrixF>& bases, Index lead, Index skip) {
-    std::vector<const MatrixF*> list(bases.size(), nullptr);
+// The bases in use but those of two modes.
+Bases all_but(const std::vector<MatrixF>& bases, Index mode, Index other = -1) {
+    Bases list(bases.size(), nullptr);
     for (std::size_t n = 0; n < bases.size(); ++n) {
-        if (static_cast<Index>(n) != lead && static_cast<Index>(n) != skip && bases[n].size() > 0) {
-            list[n] = &bases[n];
-        }
+        const Index index = static_cast<Index>(n);
+        if (index != mode && index != other && bases[n].size() > 0) list[n] = &bases[n];
     }
     return list;
 }
 
+class Fit {
+  public:
+    Fit(Executor& executor, const TensorSource& source, const NsvdOptions& options);
+    Tucker run();
+
+  private:
+    Index rank(Index mode) const { return options_.ranks[at(mode)]; }
+    double relative(double kept) const;
+
+    void start();
+    bool converged() const;
+    bool iterate();
+    double sweep_stored(std::vector<MatrixF>& bases, Tensor& core);
+    double sweep_streamed(std::vector<MatrixF>& bases);
+
+    Executor& executor_;
+    const TensorSource& source_;
+    const NsvdOptions& options_;
+    std::vector<Index> modes_;  // those with a rank
+    Index lead_ = 0;            // the first of them
+    // Two ranks, other modes left alone: each basis is from one pass, in which the tensor projected
+    // on the other one lives block by block.
+    bool streamed_ = false;
+    Tucker result_;
+    Tensor projected_;  // A x_lead U^T, between the start and the first iteration
+};
+
+Fit::Fit(Executor& executor, const TensorSource& source, const NsvdOptions& options)
+    : executor_(executor), source_(source), options_(options) {
+    const Index order = static_cast<Index>(source.shape().size());
+    for (Index n = 0; n < order; ++n) {
+        if (rank(n) > 0) modes_.push_back(n);
+    }
+    if (!modes_.empty()) lead_ = modes_[0];
+    streamed_ = modes_.size() == 2 && order > 2;
+    result_.bases.resize(at(order));
+}
+
+double Fit::relative(double kept) const {
+    if (result_.squared_norm <= 0) return 0;
+    return std::max(0.0, 1 - kept / result_.squared_norm);
+}
+
+// The truncated HOSVD, sequentially: each basis from the tensor truncated so far.
+void Fit::start() {
+    executor_.stage(0, 0.3, "N-SVD: covariance");
+    const MatrixD covariance = gram(executor_, source_, lead_);
+    result_.squared_norm = covariance.trace();
+    std::vector<MatrixF>& bases = result_.bases;
+    bases[at(lead_)] = leading_basis(covariance, rank(lead_));
+    executor_.stage(0.3, 0.4, "N-SVD: projection");
+    if (streamed_) {
+        const Index other = modes_[1];
+        const MatrixD rest = gram(executor_, source_, other, all_but(bases, other));
+        bases[at(other)] = leading_basis(rest, rank(other));
+        return;
+    }
+    projected_ = project(executor_, source_, lead_, bases[at(lead_)], 0, options_.workspace);
+    const Tensor* truncated = &projected_;
+    Tensor next;
+    for (std::size_t k = 1; k < modes_.size(); ++k) {
+        const Index n = modes_[k];
+        const MemorySource all(*truncated);
+        bases[at(n)] = leading_basis(gram(executor_, all, n), rank(n));
+        next = project(executor_, all, n, bases[at(n)], 0, options_.workspace);
+        truncated = &next;
+    }
+    result_.core = modes_.size() > 1 ? std::move(next) : std::move(projected_);
+}
+
+bool Fit::converged() const {
+    const std::vector<double>& errors = result_.errors;
+    if (errors.size() < 2) return false;
+    const double last = errors[errors.size() - 2];
+    return last - errors.back() <= options_.tolerance * last;
+}
+
+// One iteration of alternating least squares. False, and no change, if it does not lower the error:
+// it cannot raise it, but rounding at its end can.
+bool Fit::iterate() {
+    const double step = 0.6 / options_.iterations, begin = 0.4 + step * result_.iterations;
+    executor_.stage(begin, begin + step,
+                    "N-SVD: iteration " + std::to_string(result_.iterations + 1));
+    std::vector<MatrixF> bases = result_.bases;
+    Tensor core;
+    const double error = streamed_ ? sweep_streamed(bases) : sweep_stored(bases, core);
+    if (result_.iterations > 0 && error >= result_.errors.back()) return false;
+    result_.bases = std::move(bases);
+    result_.core = std::move(core);
+    result_.errors.push_back(error);
+    ++result_.iterations;
+    return true;
+}
+
+// Each basis from the tensor projected on the others; the lead mode's last.
+double Fit::sweep_stored(std::vector<MatrixF>& bases, Tensor& core) {
+    if (projected_.size() == 0) {
+        projected_ = project(executor_, source_, lead_, bases[at(lead_)], 0, options_.workspace);
+    }
+    const MemorySource projected(projected_);
+    for (Index n : modes_) {
+        if (n == lead_) continue;
+        const MatrixD rest = gram(executor_, projected, n, all_but(bases, n, lead_));
+        bases[at(n)] = leading_basis(rest, rank(n));
+        projected_.drop();
+    }
+    projected_ = Tensor();
+    const Tensor stored =
+        project(executor_, source_, all_but(bases, lead_), {}, options_.workspace);
+    const MemorySource rest(stored);
+    bases[at(lead_)] = leading_basis(gram(executor_, rest, lead_), rank(lead_));
+    core = project(executor_, rest, lead_, bases[at(lead_)], 0, options_.workspace);
+    return relative(squared_norm(executor_, core));
+}
+
+double Fit::sweep_streamed(std::vector<MatrixF>& bases) {
+    double kept = 0;
+    // The start has found the other mode's basis from the lead mode's already.
+    for (Index n : {modes_[1], modes_[0]}) {
+        if (n != lead_ && result_.iterations == 0) continue;
+        const MatrixD rest = gram(executor_, source_, n, all_but(bases, n));
+        bases[at(n)] = leading_basis(rest, rank(n));
+        const MatrixD u = bases[at(n)].cast<double>();
+        kept = (u.transpose() * rest * u).trace();
+    }
+    return relative(kept);
+}
+
+Tucker Fit::run() {
+    if (options_.start) {
+        result_ = *options_.start;
+        if (result_.iterations == 0) result_.errors.clear();
+    } else if (modes_.empty()) {
+        result_.core = load(executor_, source_, 0, options_.workspace);
+        result_.squared_norm = squared_norm(executor_, result_.core);
+    } else {
+        start();
+    }
+    while (modes_.size() > 1 && result_.iterations < options_.iterations && !converged()) {
+        if (!iterate()) break;
+        if (options_.checkpoint) options_.checkpoint(result_);
+    }
+    if (streamed_ && options_.core) {
+        executor_.stage(1, 1, "N-SVD: core");
+        result_.core =
+            project(executor_, source_, all_but(result_.bases, -1), {}, options_.workspace);
+    }
+    if (result_.errors.empty()) {
+        result_.errors.push_back(relative(squared_norm(executor_, result_.core)));
+    }
+    executor_.stage(1, 1, "N-SVD: done");
+    return std::move(result_);
+}
+
 }  // namespace
 
-void update_bases(Executor& executor, const Tensor& tensor, Index lead,
-                  const std::vector<Index>& ranks, std::vector<MatrixF>& bases, Tensor& a,
-                  Tensor& b) {
-    for (Index n = 0; n < tensor.order(); ++n) {
-        if (n == lead || ranks[at(n)] == 0) continue;
-        // A basis that is still empty is left out of the projection: on the first pass this is the
-        // sequentially truncated HOSVD.
-        multi_mode_product(executor, tensor, others(bases, lead, n), Op::kTranspose, a, b);
-        bases[at(n)] = leading_basis(gram(executor, a, n), ranks[at(n)]);
-    }
-}
-
 Tucker nsvd(Executor& executor, const TensorSource& source, const NsvdOptions& options) {
-    const Index order = static_cast<Index>(source.shape().size());
-    Index lead = 0;
-    while (lead < order && options.ranks[at(lead)] == 0) ++lead;
-    Tucker result;
-    result.bases.resize(at(order));
-    if (lead == order) {
-        result.core = load(executor, source);
-        result.squared_norm = squared_norm(executor, result.core);
-        result.errors.push_back(0);
-        return result;
-    }
-    const bool alone = std::count(options.ranks.begin(), options.ranks.end(), 0) == order - 1;
-    const Index lead_rank = options.ranks[at(lead)];
-
-    executor.stage(0, 0.3, "N-SVD: covariance");
-    const MatrixD lead_gram = gram(executor, source, lead);
-    result.squared_norm = lead_gram.trace();
-    std::vector<MatrixF>& bases = result.bases;
-    bases[at(lead)] = leading_basis(lead_gram, lead_rank);
-
-    const auto error_of = [&](const Tensor& core) {
-        if (result.squared_norm <= 0) return 0.0;
-        return std::max(0.0, 1 - squared_norm(executor, core) / result.squared_norm);
-    };
-
-    executor.stage(0.3, 0.4, "N-SVD: projection");
-    Tensor projected = project(executor, source, lead, bases[at(lead)]);
-    if (alone) {  // the start is the solution
-        result.core = std::move(projected);
-        result.errors.push_back(error_of(result.core));
-        return result;
-    }
-    Tensor a, b;
-    update_bases(executor, projected, lead, options.ranks, bases, a, b);
-    const int iterations = std::max(options.iterations, 1);
-    for (int i = 0; i < iterations; ++i) {
-        const double begin = 0.4 + 0.6 * i / iterations, step = 0.6 / iterations;
-        const std::string message = "N-SVD: iteration " + std::to_string(i + 1);
-        std::vector<MatrixF> next = bases;
-
-        executor.stage(begin, begin + 0.6 * step, message);
-        update_bases(executor, projected, lead, options.ranks, next, a, b);
-        {
-            const Tensor rest = project_others(executor, source, lead, others(next, lead, lead));
-            next[at(lead)] = leading_basis(gram(executor, rest, lead), lead_rank);
-            mode_product(executor, rest, lead, next[at(lead)], Op::kTranspose, a);
-        }
-        const double error = error_of(a);
-        const double last = i == 0 ? 2 : result.errors.back();  // no error is above 1
-        // Alternating least squares cannot raise the error; rounding at its end can.
-        if (error >= last) break;
-        bases = std::move(next);
-        std::swap(result.core, a);
-        result.errors.push_back(error);
-        if (last - error <= options.tolerance * last || i + 1 == iterations) break;
-
-        executor.stage(begin + 0.6 * step, begin + step, message);
-        projected = project(executor, source, lead, bases[at(lead)]);
-    }
-    executor.stage(1, 1, "N-SVD: done");
-    return result;
-}
-
-void MemberDecomposition::run(Executor& executor, const Tensor& tensor,
-                              const std::vector<Index>& ranks, int sweeps, double tolerance,
-                              std::vector<MatrixF>& bases, Tensor& core) {
-    const Index members = tensor.dim(0);
-    const Index rank = std::min(ranks[0], members);
-    bool start = false;
-    for (Index n = 1; n < tensor.order(); ++n) {
-        start = start || (ranks[at(n)] > 0 && bases[at(n)].size() == 0);
-    }
-    if (start) {
-        for (std::size_t n = 1; n < bases.size(); ++n) bases[n].resize(0, 0);
-        bases[0] = leading_basis(gram(executor, tensor, 0), rank);
-        mode_product(executor, tensor, 0, bases[0], Op::kTranspose, lead_);
-        update_bases(executor, lead_, 0, ranks, bases, scratch_, other_);
-    }
-    double last = 0;
-    for (int sweep = 0; sweep < sweeps; ++sweep) {
-        multi_mode_product(executor, tensor, others(bases, 0, 0), Op::kTranspose, rest_, scratch_);
-        bases[0] = leading_basis(gram(executor, rest_, 0), rank);
-        mode_product(executor, tensor, 0, bases[0], Op::kTranspose, lead_);
-        update_bases(executor, lead_, 0, ranks, bases, scratch_, other_);
-        multi_mode_product(executor, lead_, others(bases, 0, 0), Op::kTranspose, core, scratch_);
-        if (sweep + 1 == sweeps) break;
-        const double kept = squared_norm(executor, core);
-        if (kept - last <= tolerance * kept) break;
-        last = kept;
-    }
-    if (rank < ranks[0]) {  // fewer members than columns: the rest is zero
-        const MatrixF basis = bases[0];
-        bases[0].setZero(members, ranks[0]);
-        bases[0].leftCols(rank) = basis;
-        Shape shape = core.shape();
-        const Index size = core.size();
-        shape[0] = ranks[0];
-        other_.reset(shape);
-        std::copy_n(core.data(), size, other_.data());
-        std::fill_n(other_.data() + size, other_.size() - size, 0.0f);
-        std::swap(core, other_);
-    }
+    return Fit(executor, source, options).run();
 }
 
 }  // namespace nacre

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "nacre/errors.hpp"
+#include "nacre/pages.hpp"
 #include "nacre/unpack.hpp"
 
 namespace nacre {
@@ -11,6 +12,9 @@ namespace {
 
 // Beyond this, squares leave the range of single precision.
 constexpr float kLargest = 1e15f;
+
+// Pages are dropped all at once after so many bytes: a call for each block would cost more.
+constexpr std::size_t kDropBytes = std::size_t{16} << 20;
 
 bool usable(float value) { return std::abs(value) <= kLargest; }  // false for NaN
 
@@ -24,19 +28,30 @@ std::string fault(float value) {
 
 }  // namespace
 
+void TensorSource::read(const Shape& begin, const Shape& size, float* block) const {
+    fetch(begin, size, block);
+    values_read_.fetch_add(product(size), std::memory_order_relaxed);
+}
+
+double TensorSource::passes() const {
+    return static_cast<double>(values_read_.load()) / static_cast<double>(product(shape_));
+}
+
 void TensorSource::throw_invalid() const {
     throw std::invalid_argument("samples: expected finite numbers below 1e15 in magnitude");
 }
 
-void MemorySource::read(const Shape& begin, const Shape& size, float* block) const {
+void MemorySource::fetch(const Shape& begin, const Shape& size, float* block) const {
     copy_out(data_, shape(), begin, size, block);
 }
 
-BtfSource::BtfSource(const void* samples, SampleType type, const std::array<Index, 5>& shape)
+BtfSource::BtfSource(const void* samples, SampleType type, const std::array<Index, 5>& shape,
+                     bool drop)
     : TensorSource({shape[0] * shape[4], shape[1], shape[2], shape[3]}),
       samples_(samples),
       type_(type),
-      dims_(shape) {
+      dims_(shape),
+      drop_(drop) {
     static constexpr const char* kNames[] = {"light", "view", "y", "x", "channel"};
     for (std::size_t n = 0; n < 5; ++n) {
         require(shape[n] > 0, "samples: expected at least one sample along ", kNames[n], ", got ",
@@ -44,7 +59,15 @@ BtfSource::BtfSource(const void* samples, SampleType type, const std::array<Inde
     }
 }
 
-void BtfSource::read(const Shape& begin, const Shape& size, float* block) const {
+BtfSource::~BtfSource() {
+    if (drop_) drop();
+}
+
+void BtfSource::drop() const {
+    drop_pages(samples_, at(product(shape())) * (type_ == SampleType::kHalf ? 2 : 4));
+}
+
+void BtfSource::fetch(const Shape& begin, const Shape& size, float* block) const {
     const auto [lights, views, height, width, channels] = dims_;
     const bool whole_rows = size[3] == width;
     const Index run = whole_rows ? size[2] * width : size[3];  // pixels next to each other
@@ -60,6 +83,11 @@ void BtfSource::read(const Shape& begin, const Shape& size, float* block) const 
             }
         }
     }
+    if (!drop_) return;
+    const std::size_t bytes = at(product(size)) * (type_ == SampleType::kHalf ? 2 : 4);
+    if (undropped_.fetch_add(bytes) + bytes < kDropBytes) return;
+    undropped_ = 0;
+    drop();
 }
 
 void BtfSource::throw_invalid() const {

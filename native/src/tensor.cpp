@@ -4,6 +4,8 @@
 #include <cstring>
 #include <new>
 
+#include "nacre/pages.hpp"
+
 namespace nacre {
 
 Index product(const Shape& shape) {
@@ -12,21 +14,57 @@ Index product(const Shape& shape) {
     return size;
 }
 
+void BufferRelease::operator()(float* p) const {
+    if (mapped > 0) {
+        unmap(p, mapped);
+    } else {
+        std::free(p);
+    }
+}
+
+Buffer& Buffer::operator=(Buffer&& other) noexcept {
+    data_ = std::move(other.data_);
+    capacity_ = std::exchange(other.capacity_, 0);
+    return *this;
+}
+
 void Buffer::reserve(Index size) {
     if (size <= capacity_) return;
+    *this = Buffer();  // free first: the old contents are not kept
     constexpr std::size_t kLine = 64;
-    const std::size_t bytes = (at(size) * sizeof(float) + kLine - 1) / kLine;
-    data_.reset();  // free first: the old contents are not kept
-    capacity_ = 0;
-    data_.reset(static_cast<float*>(std::aligned_alloc(kLine, bytes * kLine)));
+    const std::size_t bytes = at(size) * sizeof(float);
+    const std::size_t unit = bytes >= 2 * kHugePage ? kHugePage : kLine;
+    const std::size_t whole = (bytes + unit - 1) / unit * unit;
+    data_.reset(static_cast<float*>(std::aligned_alloc(unit, whole)));
     if (!data_) throw std::bad_alloc();
+    if (unit == kHugePage) prefer_huge_pages(data_.get(), whole);
     capacity_ = size;
+}
+
+void Buffer::drop() const {
+    if (mapped()) drop_pages(data_.get(), data_.get_deleter().mapped);
+}
+
+Tensor::Tensor(Shape shape, Buffer buffer)
+    : shape_(std::move(shape)), size_(product(shape_)), buffer_(std::move(buffer)) {}
+
+Tensor::Tensor(Tensor&& other) noexcept
+    : shape_(std::move(other.shape_)),
+      size_(std::exchange(other.size_, 0)),
+      buffer_(std::move(other.buffer_)) {}
+
+Tensor& Tensor::operator=(Tensor&& other) noexcept {
+    shape_ = std::move(other.shape_);
+    size_ = std::exchange(other.size_, 0);
+    buffer_ = std::move(other.buffer_);
+    return *this;
 }
 
 Tensor::Tensor(const Tensor& other) { *this = other; }
 
 Tensor& Tensor::operator=(const Tensor& other) {
     if (this == &other) return *this;
+    if (!other.data()) return *this = Tensor();
     reset(other.shape_);
     std::copy_n(other.data(), size_, data());
     return *this;

@@ -41,6 +41,39 @@ double reference_error(const dense::Array& a, const Shape& ranks, int sweeps) {
     return 1 - core.squared_norm() / a.squared_norm();
 }
 
+// The same bits.
+void check_same(const Tucker& a, const Tucker& b) {
+    CHECK(a.core.shape() == b.core.shape());
+    CHECK(std::equal(a.core.data(), a.core.data() + a.core.size(), b.core.data()));
+    for (std::size_t n = 0; n < a.bases.size(); ++n) CHECK(a.bases[n] == b.bases[n]);
+    CHECK(a.errors == b.errors && a.iterations == b.iterations);
+    CHECK(a.squared_norm == b.squared_norm);
+}
+
+// A fit that stops after any iteration and is taken up again, one in files: the same bits.
+void check_resumes(Executor& executor, const Tensor& tensor, const std::vector<Index>& ranks,
+                   double passes) {
+    const MemorySource source(tensor);
+    std::vector<Tucker> states;
+    NsvdOptions options{ranks, 3, 0};
+    options.checkpoint = [&](const Tucker& state) { states.push_back(state); };
+    const Tucker whole = nsvd(executor, source, options);
+    CHECK(whole.iterations == 3 && whole.errors.size() == 3 && states.size() == 3);
+    CHECK(source.passes() == passes);
+    options.checkpoint = {};
+    for (const Tucker& state : states) {
+        options.start = &state;
+        check_same(nsvd(executor, source, options), whole);
+    }
+    options.start = nullptr;
+#if defined(__linux__)
+    options.workspace = Workspace(1);
+    const Tucker mapped = nsvd(executor, source, options);
+    CHECK(mapped.core.mapped());
+    check_same(mapped, whole);
+#endif
+}
+
 }  // namespace
 
 int main() {
@@ -80,6 +113,21 @@ int main() {
                svd.singularValues().tail(4).squaredNorm() / array.squared_norm(), 1e-5);
     CHECK(nsvd(executor, source, {{0, 0, 0, 0}, 30, 1e-6}).core.shape() == shape);
 
+    check_resumes(executor, tensor, ranks, 7);
+    check_resumes(executor, tensor, {0, 2, 0, 3}, 8);  // in the end one for the core
+
+    // No iteration: the truncated HOSVD.
+    const Tucker hosvd = nsvd(executor, source, {ranks, 0, 0});
+    CHECK(hosvd.iterations == 0 && hosvd.errors.size() == 1);
+    dense::Array truncated = array;
+    for (std::size_t n = 0; n < ranks.size(); ++n) {
+        const Eigen::JacobiSVD<MatrixD> left(dense::unfold(truncated, n), Eigen::ComputeThinU);
+        truncated =
+            dense::mode_product(truncated, n, left.matrixU().leftCols(ranks[n]).transpose());
+    }
+    CHECK_NEAR(hosvd.errors[0], 1 - truncated.squared_norm() / array.squared_norm(), 1e-6);
+    CHECK(hosvd.errors[0] > tucker.errors.back());
+
     // Nothing but zeros, and modes of one row.
     Tensor zero(shape);
     zero.fill(0);
@@ -88,16 +136,5 @@ int main() {
     const Tensor thin = random_tensor({1, 9, 1, 4}, 2);
     CHECK(nsvd(executor, MemorySource(thin.data(), thin.shape()), {{1, 4, 1, 4}, 20, 1e-4})
               .errors.back() < 1e-6);
-
-    // The members of a cluster: fewer than columns leaves zeros.
-    MemberDecomposition decomposition;
-    std::vector<MatrixF> member_bases(3);
-    Tensor core;
-    const Tensor members = random_tensor({2, 6, 5}, 13);
-    decomposition.run(executor, members, {4, 0, 5}, 3, 0, member_bases, core);
-    CHECK(core.shape() == Shape({4, 6, 5}) && member_bases[0].cols() == 4);
-    CHECK(member_bases[0].rightCols(2).isZero(0));
-    CHECK(orthonormality_error(member_bases[0].leftCols(2)) < 1e-6);
-    CHECK(dense::distance(reconstruct(core, member_bases), dense::Array(members)) < 1e-5);
     std::puts("ok");
 }

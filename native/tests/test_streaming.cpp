@@ -1,4 +1,5 @@
 #include "check.hpp"
+#include "nacre/gram.hpp"
 #include "nacre/streaming.hpp"
 
 using namespace nacre;
@@ -64,11 +65,49 @@ int main() {
                             dense::mode_product(expected, n, bases[n].cast<double>().transpose());
                     }
                 }
-                const Tensor result =
-                    project_others(executor, source, static_cast<Index>(lead), used);
+                const Tensor result = project(executor, source, used);
                 CHECK(result.shape() == expected.shape);
                 CHECK(dense::distance(dense::Array(result), expected) < tolerance);
             }
+        }
+    }
+
+    // Blocks that are read part by part, against the same products of the whole.
+    const Shape s{2, 40, 90, 128, 3};
+    Random random(7);
+    std::vector<float> samples(static_cast<std::size_t>(product(s)));
+    for (float& v : samples) v = static_cast<float>(random.uniform());
+    const BtfSource source(samples.data(), SampleType::kFloat, {s[0], s[1], s[2], s[3], s[4]});
+    const Tensor whole = load(executor, source);
+    std::vector<MatrixF> bases;
+    for (Index extent : whole.shape())
+        bases.push_back(random_basis(extent, extent - 5 / extent, 6));
+    bases[1] = random_basis(40, 6, 1);
+    for (const Bases& used : {Bases{nullptr, &bases[1], &bases[2], &bases[3]},
+                              Bases{nullptr, &bases[1], nullptr, &bases[3]},
+                              Bases{&bases[0], &bases[1], &bases[2], nullptr},
+                              Bases{&bases[0], &bases[1], &bases[2], &bases[3]}}) {
+        Tensor expected, scratch;
+        multi_mode_product(executor, whole, used, Op::kTranspose, expected, scratch);
+        const double passes = source.passes();
+        const Tensor result = project(executor, source, used);
+        CHECK(source.passes() == passes + 1);
+        CHECK(result.shape() == expected.shape());
+        const double norm = std::sqrt(squared_norm(executor, expected));
+        CHECK(dense::distance(dense::Array(result), dense::Array(expected)) < 1e-5 * norm);
+        const std::vector<Index> order{2, 0, 3, 1};
+        const Tensor permuted = project(executor, source, used, order);
+        CHECK(permuted.dim(1) == result.dim(0));
+        const dense::Array natural(result), moved(permuted);
+        for (const Shape& i : {Shape{1, 2, 3, 4}, Shape{5, 5, 60, 77}}) {
+            CHECK((moved[{i[2], i[0], i[3], i[1]}] == natural[i]));
+        }
+        for (std::size_t mode = 0; mode < 4; ++mode) {
+            if (used[mode]) continue;
+            const Index n = static_cast<Index>(mode);
+            const MatrixD direct = gram(executor, source, n, used);
+            const MatrixD through = gram(executor, expected, n);
+            CHECK((direct - through).norm() < 1e-5 * through.norm());
         }
     }
     std::puts("ok");

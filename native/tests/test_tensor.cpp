@@ -37,6 +37,8 @@ int main() {
         CHECK(inside == product(size));
     }
     Tensor copy = tensor;
+    const Tensor empty, same = empty;
+    CHECK(same.size() == 0 && same.order() == 0);
     CHECK(copy.data() != tensor.data() && copy.data()[7] == tensor.data()[7]);
     std::puts("ok");
 }

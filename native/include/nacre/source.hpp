@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <string>
 
 #include "nacre/tensor.hpp"
@@ -18,7 +19,10 @@ class TensorSource {
     virtual Index granularity(Index /*mode*/) const { return 1; }
 
     // The block of `size` at `begin` as C-order floats.
-    virtual void read(const Shape& begin, const Shape& size, float* block) const = 0;
+    void read(const Shape& begin, const Shape& size, float* block) const;
+
+    // How often the whole has been read so far: values read over values there are.
+    double passes() const;
 
     // Called when sums over the samples came out NaN or infinite: throws std::invalid_argument
     // that names the first sample, in storage order, that is not a usable number.
@@ -27,15 +31,21 @@ class TensorSource {
   protected:
     explicit TensorSource(Shape shape) : shape_(std::move(shape)) {}
 
+    virtual void fetch(const Shape& begin, const Shape& size, float* block) const = 0;
+
   private:
     Shape shape_;
+    mutable std::atomic<Index> values_read_{0};
 };
 
 // A tensor in memory that someone else owns.
 class MemorySource : public TensorSource {
   public:
     MemorySource(const float* data, Shape shape) : TensorSource(std::move(shape)), data_(data) {}
-    void read(const Shape& begin, const Shape& size, float* block) const override;
+    explicit MemorySource(const Tensor& tensor) : MemorySource(tensor.data(), tensor.shape()) {}
+
+  protected:
+    void fetch(const Shape& begin, const Shape& size, float* block) const override;
 
   private:
     const float* data_;
@@ -48,17 +58,27 @@ enum class SampleType { kHalf, kFloat };
 // `channels * light + channel` is one colour of one light.
 class BtfSource : public TensorSource {
   public:
-    BtfSource(const void* samples, SampleType type, const std::array<Index, 5>& shape);
+    // `drop`: the samples are a shared or read-only mapping of a file, whose pages are to be
+    // dropped behind the reader (see drop_pages).
+    BtfSource(const void* samples, SampleType type, const std::array<Index, 5>& shape,
+              bool drop = false);
+    ~BtfSource() override;
 
     Index channels() const { return dims_[4]; }
     Index granularity(Index mode) const override { return mode == 0 ? channels() : 1; }
-    void read(const Shape& begin, const Shape& size, float* block) const override;
     [[noreturn]] void throw_invalid() const override;
 
+  protected:
+    void fetch(const Shape& begin, const Shape& size, float* block) const override;
+
   private:
+    void drop() const;
+
     const void* samples_;
     SampleType type_;
     std::array<Index, 5> dims_;
+    bool drop_;
+    mutable std::atomic<std::size_t> undropped_{0};  // bytes read since pages were last dropped
 };
 
 }  // namespace nacre

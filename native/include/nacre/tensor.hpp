@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <memory>
+#include <utility>
 #include <vector>
 
 namespace nacre {
@@ -23,20 +24,35 @@ inline std::size_t at(Index n) { return static_cast<std::size_t>(n); }
 
 Index product(const Shape& shape);
 
+// How the memory of a Buffer goes back.
+struct BufferRelease {
+    std::size_t mapped = 0;       // bytes of a mapping of a file; 0: from the heap
+    std::shared_ptr<void> lease;  // let go of after the memory
+    void operator()(float* p) const;
+};
+
 // Floats on a cache line, uninitialised. Growing discards the contents; shrinking keeps the memory.
 class Buffer {
   public:
     Buffer() = default;
     explicit Buffer(Index size) { reserve(size); }
+    Buffer(float* data, Index size, BufferRelease release)
+        : data_(data, std::move(release)), capacity_(size) {}
+    Buffer(Buffer&& other) noexcept
+        : data_(std::move(other.data_)), capacity_(std::exchange(other.capacity_, 0)) {}
+    Buffer& operator=(Buffer&& other) noexcept;
+
     void reserve(Index size);
     float* data() { return data_.get(); }
     const float* data() const { return data_.get(); }
 
+    // Holds `lease` for as long as this memory.
+    void attach(std::shared_ptr<void> lease) { data_.get_deleter().lease = std::move(lease); }
+    bool mapped() const { return data_.get_deleter().mapped > 0; }
+    void drop() const;
+
   private:
-    struct Free {
-        void operator()(float* p) const { std::free(p); }
-    };
-    std::unique_ptr<float[], Free> data_;
+    std::unique_ptr<float[], BufferRelease> data_;
     Index capacity_ = 0;
 };
 
@@ -44,14 +60,20 @@ class Tensor {
   public:
     Tensor() = default;
     explicit Tensor(Shape shape) { reset(std::move(shape)); }
+    Tensor(Shape shape, Buffer buffer);
     Tensor(const Tensor& other);
     Tensor& operator=(const Tensor& other);
-    Tensor(Tensor&&) = default;
-    Tensor& operator=(Tensor&&) = default;
+    Tensor(Tensor&& other) noexcept;
+    Tensor& operator=(Tensor&& other) noexcept;
 
     // New shape, undefined contents, memory reused where it is large enough.
     void reset(Shape shape);
     void fill(float value);
+
+    // Whether a Workspace put it in a file; if so, drop() tells the system that its pages are not
+    // needed for now. The contents stay.
+    bool mapped() const { return buffer_.mapped(); }
+    void drop() const { buffer_.drop(); }
 
     const Shape& shape() const { return shape_; }
     Index order() const { return static_cast<Index>(shape_.size()); }
