@@ -108,7 +108,7 @@ def _by_settings(
         raise NacreError(f"quality {options.quality!r}: expected draft, medium or high")
     if options.method not in METHODS:
         raise NacreError(f"method {options.method!r}: expected one of {', '.join(METHODS)}")
-    settings = quality_settings(dataset, options.method, quality)
+    settings: dict[str, Any] = {**quality_settings(dataset, options.method, quality)}
     if options.clusters:  # they say which modes are clustered
         most = max(settings.get("mixtures", {"": 1}).values())
         settings["clusters"] = options.clusters
