@@ -140,10 +140,10 @@ def compress(
         "checkpoint": checkpoint.save if checkpoint else None,
         "progress": progress,
     }
-    result: Mapping[str, Any]
+    result: dict[str, Any]
     try:
         if method == "nsvd":
-            result = nacre_native.fit_nsvd(samples, order, **shared)
+            result = {**nacre_native.fit_nsvd(samples, order, **shared)}
         else:
             clustering: dict[str, Any] = {
                 "clusters": {MODES.index(mode): count for mode, count in clusters.items()},
@@ -165,7 +165,7 @@ def compress(
                     progress=progress,
                     **clustering,
                 )
-            result = nacre_native.fit_clustered(samples, order, **clustering, **shared)
+            result = {**nacre_native.fit_clustered(samples, order, **clustering, **shared)}
     except nacre_native.Cancelled as error:
         if checkpoint and not resume:
             checkpoint.remove()

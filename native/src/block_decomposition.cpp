@@ -25,7 +25,10 @@ std::vector<const MatrixF*> all_but(const std::vector<MatrixF>& bases, Index ski
 
 MatrixF orthonormal(const MatrixF& basis) {
     const MatrixD u = basis.cast<double>();
-    return (u * inverse_factor(u.transpose() * u)).cast<float>();
+    const MatrixD factor = inverse_factor(u.transpose() * u);
+    // Members with no coefficients at all span nothing: any direction will do.
+    if (factor.cols() == 0) return MatrixF::Identity(basis.rows(), 1);
+    return (u * factor).cast<float>();
 }
 
 void pad(Executor& executor, const std::vector<Index>& ranks, std::vector<MatrixF>& bases,

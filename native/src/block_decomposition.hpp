@@ -9,7 +9,7 @@
 namespace nacre {
 
 // The post-process (MK-CTA, Section 3.5.3; K-CTA, Section 4.2.3): orthonormal columns with the same
-// span, which may be fewer.
+// span, which may be fewer but are at least one.
 MatrixF orthonormal(const MatrixF& basis);
 
 // Brings core and bases to these ranks (0: any) with columns of zeros.

@@ -170,7 +170,6 @@ def test_fewer_wrong_texels_at_the_same_size(run):
         ("compress o.nacre n.exr --ranks light=4", ["'light'", "view, y, x"]),
         ("compress o.nacre n.exr --global light", ["'light'", "y or x"]),
         ("decode distance.exr n.nacre --light 0:1", ["--light"]),
-        ("decode distance.exr n.nacre --directions views.csv", ["--directions"]),
         ("decode distance.exr n.nacre --view 33:", ["--view"]),
     ],
     ids=str,
