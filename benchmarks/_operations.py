@@ -106,8 +106,10 @@ class Counts:
             return self._projection()
         if message == "First clusters":
             return self._decomposition(False, sweeps=3)
-        if message.startswith("Iteration "):
-            return self._clustering(mixtures) + self._decomposition(mixtures, sweeps=1)
+        if message.endswith(": clustering"):
+            return self._clustering(mixtures)
+        if message.endswith(": decomposition"):
+            return self._decomposition(mixtures, sweeps=1)
         if message in ("Done", "N-SVD: done"):
             return []
         raise ValueError(f"a stage without a formula: {message}")

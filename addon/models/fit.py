@@ -140,7 +140,7 @@ def compress(
         "checkpoint": checkpoint.save if checkpoint else None,
         "progress": progress,
     }
-    result: nacre_native.NsvdModel | nacre_native.ClusteredModel
+    result: Mapping[str, Any]
     try:
         if method == "nsvd":
             result = nacre_native.fit_nsvd(samples, order, **shared)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from math import prod
+from pathlib import Path
 
 import nacre_native
 import numpy as np
@@ -21,7 +22,8 @@ from .clustered_tucker import MODES, ClusteredTucker
 from .fit import describe
 from .steps import Progress
 
-_BUDGET = 2**27  # numbers that a first reduced dataset may have
+_NUMBERS = 2**27  # that a first reduced dataset may have
+_BYTES_A_NUMBER = 32  # that a fit to a reduced dataset takes, with the dataset itself
 _LIGHTS = 64  # ranks of its light mode; enough up to about 20 dB
 _LOST = 0.1  # what the reduction may add to a fit's squared error, as a share of it
 
@@ -86,12 +88,15 @@ def reduce_dataset(
     ranks: Mapping[str, int],
     clustered: Collection[str],
     *,
+    scratch: Path,
     threads: int = 0,
+    memory: int = 0,
     progress: Progress | None = None,
 ) -> Reduced:
     """Project a dataset on an N-SVD of some ranks; clustered modes have as many as they have rows.
 
-    Raises NacreError for samples that cannot be fitted, Cancelled on request.
+    `memory` bounds the N-SVD, which puts what does not fit into the folder `scratch`. Raises
+    NacreError for samples that cannot be fitted, Cancelled on request.
     """
     try:
         # One iteration: these bases are only a start, and more would gain little at such ranks.
@@ -100,11 +105,13 @@ def reduce_dataset(
             tuple(ranks[mode] for mode in MODES),
             iterations=1,
             threads=threads,
+            memory=memory,
+            scratch=str(scratch),
             progress=progress,
         )
     except nacre_native.Cancelled as error:
         raise Cancelled from error
-    except ValueError as error:
+    except (ValueError, MemoryError, OSError) as error:
         raise NacreError(f"{dataset.path.name}: {error}") from error
     core = found["core"][0]
     bases = {mode: basis[0, :, 0] for mode, basis in zip(MODES, found["basis"], strict=True)}
@@ -124,15 +131,16 @@ def reduce_dataset(
     )
 
 
-def first_ranks(dataset: Dataset, clustered: Collection[str]) -> dict[str, int]:
+def first_ranks(dataset: Dataset, clustered: Collection[str], memory: int = 0) -> dict[str, int]:
     """Ranks to begin with: all rows of clustered modes, as many of the others as memory has room
     for, and of the light mode's, which are three times the lights, few of them."""
+    room = min(_NUMBERS, memory // _BYTES_A_NUMBER) if memory else _NUMBERS
     ranks = mode_rows(dataset)
     if "light" not in clustered:
         ranks["light"] = min(ranks["light"], _LIGHTS)
     spatial = ("y", "x")
     fixed = prod(rank for mode, rank in ranks.items() if mode not in spatial)
-    excess = (fixed * prod(ranks[mode] for mode in spatial) / _BUDGET) ** 0.5
+    excess = (fixed * prod(ranks[mode] for mode in spatial) / room) ** 0.5
     for mode in spatial:
         ranks[mode] = max(1, int(ranks[mode] / max(excess, 1.0)))
     return ranks

@@ -56,9 +56,11 @@ def compress_to_target(
     snr_db: float | None = None,
     megabytes: float | None = None,
     folder: Path,
-    global_modes: tuple[str, ...] = ("light",),
+    global_modes: tuple[str, ...] | None = None,
+    search: str = "auto",
     seed: int = 0,
     threads: int = 0,
+    memory: int = 0,
     progress: Progress | None = None,
 ) -> ClusteredTucker:
     """Fit the smallest model of a quality, or the best one whose file has a size.
@@ -72,18 +74,24 @@ def compress_to_target(
     request.
     """
     _check(dataset, method, snr_db, megabytes)
-    search = _Search(
+    work = _Search(
         dataset,
         method,
         snr_db or 0.0,
         None if megabytes is None else int(megabytes * 1e6),
         folder,
-        {"global_modes": global_modes, "seed": seed, "threads": threads},
+        {
+            "global_modes": global_modes,
+            "search": search,
+            "seed": seed,
+            "threads": threads,
+            "memory": memory,
+        },
         Steps(progress),
     )
-    search.begin()
-    search.walk()
-    return search.land(search.fit())
+    work.begin()
+    work.walk()
+    return work.land(work.fit())
 
 
 @dataclass(frozen=True)
@@ -132,14 +140,16 @@ class _Search:
         """N-SVD, at ranks enough for the target, and what it tells of the rest."""
         clustered = CLUSTERED[self.method]
         ranks: dict[str, int] = {}
-        larger = first_ranks(self.dataset, clustered)
+        shared = {name: self.options[name] for name in ("threads", "memory")}
+        larger = first_ranks(self.dataset, clustered, self.options["memory"])
         while larger != ranks:
             ranks = larger
             self.reduced = reduce_dataset(
                 self.dataset,
                 ranks,
                 clustered,
-                threads=self.options["threads"],
+                **shared,
+                scratch=self.folder,
                 progress=self.steps.step(_TRIALS if clustered else 3),
             )
             nsvd = self.reduced.nsvd
@@ -279,7 +289,7 @@ class _Search:
         if self.limit is not None:
             target = {"megabytes": self.limit / 1e6}
         curve = [*self.walked, _point(model, snr_db, size)]
-        kept = ("method", "seed", "iterations", "errors")
+        kept = ("method", "search", "seed", "iterations", "errors")
         fit = {
             **{key: model.fit[key] for key in kept},
             "snr_db": round(snr_db, 4),

@@ -1,11 +1,17 @@
 """Fit a model to a dataset."""
 
+from __future__ import annotations
+
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import NacreError
-from .arguments import Progress, counts, from_0, from_1, gigabytes
+from .arguments import Progress, above_0, counts, from_0, from_1, gigabytes
+
+if TYPE_CHECKING:
+    from ..datasets.dataset import Dataset
+    from ..models.clustered_tucker import ClusteredTucker
 
 ENCODINGS = {"distance": "signed-distance", "mask": "mask"}
 
@@ -14,8 +20,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", type=Path)
     parser.add_argument("model", type=Path)
     parser.add_argument("--method", default="kcta", help="nsvd, cta, kcta (default) or mkcta")
+    target = parser.add_mutually_exclusive_group()
+    target.add_argument(
+        "--target-db", type=above_0, metavar="DB", help="the smallest model of this SNR"
+    )
+    target.add_argument(
+        "--target-mb", type=above_0, metavar="MB", help="the best model in a file of 10^6 bytes"
+    )
     parser.add_argument(
-        "--quality", default="medium", help="draft, medium or high: what is not given below"
+        "--quality", help="draft, medium (default) or high: what is not given below"
     )
     parser.add_argument("--ranks", type=counts, default={}, help="light=20,view=4,y=32,x=32")
     parser.add_argument("--clusters", type=counts, default={}, help="view=7")
@@ -36,7 +49,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--coarse",
         type=from_1,
-        default=1,
         metavar="N",
         help="begin with texels averaged over N along x and y: faster for large patches",
     )
@@ -54,7 +66,6 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..datasets.dataset import open_dataset
     from ..datasets.occlusion import with_value
     from ..models.exr import check_destination, save_model
-    from ..models.fit import METHODS, QUALITIES, compress, quality_settings
     from .info import describe_model
 
     dataset = open_dataset(options.dataset)
@@ -63,32 +74,66 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     elif options.encoding:
         raise NacreError(f"{options.dataset}: --encoding is for occlusion")
     check_destination(options.model)
-    quality = options.quality.upper()
+    by_target = options.target_db is not None or options.target_mb is not None
+    model = (_by_target if by_target else _by_settings)(dataset, options, progress)
+    save_model(model, options.model)
+    return describe_model(model, options.model)
+
+
+def _by_target(
+    dataset: Dataset, options: argparse.Namespace, progress: Progress
+) -> ClusteredTucker:
+    from ..models.target import compress_to_target
+
+    for name in ("quality", "ranks", "clusters", "mixtures", "coarse", "resume"):
+        if getattr(options, name):
+            raise NacreError(f"--{name} does not go with a target, which chooses by itself")
+    return compress_to_target(
+        dataset,
+        options.method,
+        snr_db=options.target_db,
+        megabytes=options.target_mb,
+        folder=options.model.parent,
+        **_shared(options, progress),
+    )
+
+
+def _by_settings(
+    dataset: Dataset, options: argparse.Namespace, progress: Progress
+) -> ClusteredTucker:
+    from ..models.fit import METHODS, QUALITIES, compress, quality_settings
+
+    quality = (options.quality or "medium").upper()
     if quality not in QUALITIES:
         raise NacreError(f"quality {options.quality!r}: expected draft, medium or high")
     if options.method not in METHODS:
         raise NacreError(f"method {options.method!r}: expected one of {', '.join(METHODS)}")
-    settings = quality_settings(dataset, options.method, quality)
+    settings: dict[str, Any] = {**quality_settings(dataset, options.method, quality)}
     if options.clusters:  # they say which modes are clustered
         most = max(settings.get("mixtures", {"": 1}).values())
         settings["clusters"] = options.clusters
         settings["mixtures"] = {mode: min(most, count) for mode, count in options.clusters.items()}
     for name in ("ranks", "mixtures"):
         settings[name] = {**settings.get(name, {}), **getattr(options, name)}
-    modes = options.global_modes
-    model = compress(
+    return compress(
         dataset,
         options.method,
         **settings,
-        global_modes=modes if modes is None else tuple(filter(None, modes.split(","))),
-        search=options.search,
-        coarse=options.coarse,
-        seed=options.seed,
-        threads=options.threads,
-        memory=options.memory,
+        coarse=options.coarse or 1,
         state=options.model.with_name(f".{options.model.name}.fit"),
         resume=options.resume,
-        progress=progress,
+        **_shared(options, progress),
     )
-    save_model(model, options.model)
-    return describe_model(model, options.model)
+
+
+def _shared(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """What every fit is told."""
+    modes = options.global_modes
+    return {
+        "global_modes": modes if modes is None else tuple(filter(None, modes.split(","))),
+        "search": options.search,
+        "seed": options.seed,
+        "threads": options.threads,
+        "memory": options.memory,
+        "progress": progress,
+    }

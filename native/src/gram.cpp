@@ -103,10 +103,11 @@ MatrixD gram(Executor& executor, const Tensor& tensor, Index mode) {
 
 MatrixF leading_basis(MatrixD gram, Index rank) {
     const Index n = gram.rows();
-    symmetric_eigen(gram);  // ascending; the rows are the vectors
+    MatrixD vectors;
+    leading_eigen(gram, rank, vectors);
     MatrixF basis(n, rank);
     for (Index r = 0; r < rank; ++r) {
-        auto vector = gram.row(n - 1 - r);
+        const auto vector = vectors.row(r);
         Index largest = 0;
         // The first entry within rounding of the largest: two equal ones must not make the sign
         // depend on the last bit.
