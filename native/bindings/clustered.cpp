@@ -135,9 +135,9 @@ py::dict fit(const py::array& samples, const std::vector<Index>& ranks, const By
              const ByMode& mixtures, const std::vector<Index>& global_modes,
              const py::dict& directions, const std::string& search, int iterations,
              double tolerance, std::uint64_t seed, int threads, std::size_t memory,
-             const std::string& scratch, const py::object& start, const py::object& checkpoint,
-             const py::object& progress) {
-    const BtfSource source = btf_source(samples);
+             const std::string& scratch, const std::string& domain, const py::object& start,
+             const py::object& checkpoint, const py::object& progress) {
+    const BtfSource source = btf_source(samples, false, domain);
     const ClusteredOptions options = read_options(ranks, clusters, mixtures, global_modes,
                                                   directions, search, iterations, tolerance, seed);
     ClusteredTucker first;
@@ -226,7 +226,7 @@ void register_clustered(py::module_& module) {
                py::arg("global_modes") = std::vector<Index>{}, py::arg("directions"),
                py::arg("search") = "auto", py::arg("iterations") = 50, py::arg("tolerance") = 5e-4,
                py::arg("seed") = 0, py::arg("threads") = 0, py::arg("memory") = 0,
-               py::arg("scratch") = "", py::arg("start") = py::none(),
+               py::arg("scratch") = "", py::arg("domain") = "linear", py::arg("start") = py::none(),
                py::arg("checkpoint") = py::none(), py::arg("progress") = py::none(),
                R"(CTA, K-CTA or MK-CTA of samples (light, view, y, x, channel).
 

@@ -12,7 +12,7 @@ The same arguments give the same bits for any number of threads (0: all).
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypedDict
+from typing import Any, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -51,6 +51,7 @@ def fit_nsvd(
     threads: int = 0,
     memory: int = 0,
     scratch: str = "",
+    domain: Literal["linear", "log"] = "linear",
     start: NsvdModel | None = None,
     checkpoint: Callable[[NsvdModel], object] | None = None,
     progress: Callable[[float, str], bool] | None = None,
@@ -64,6 +65,9 @@ def fit_nsvd(
     system's) that nobody sees and that go with the process, however it ends; RuntimeError if there
     is no room for them. Pages of samples that are a read-only numpy.memmap, or a view of one, are
     dropped behind the reader.
+
+    `domain` "log" fits log(Y + 0.01), U / (Y + 0.01) and V / (Y + 0.01) of samples in red, green
+    and blue, which are converted as they are read.
 
     `checkpoint` is called with the model after each iteration; given as `start`, the fit goes on
     from there, and the result has the same bits as without the break."""
