@@ -41,10 +41,10 @@ YUV = np.array(
 )
 """Luminance and chroma of linear Rec.709."""
 
-DARK = 1e-3
+DARK = 1e-2
 """Added to the luminance before its logarithm."""
 
-CHROMA_SHARE = 0.25
+CHROMA_SHARE = 0.4
 """How much of the size the chroma gets."""
 
 
