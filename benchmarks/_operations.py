@@ -10,19 +10,27 @@ and the search, whose equations are K R unknowns a row. Modes are L (light rows:
 V, Y, X; N = L V Y X; R_n, C_n, K_n as in the papers; m_n = K_n I_n memberships where n is
 clustered, else m_n = I_n; B = C_1 C_2 clusters.
 
-N-SVD (De Lathauwer et al. 2000), the first mode n1 with a rank first, of the modes that have ranks
+N-SVD (De Lathauwer et al. 2000); n1 is the first mode with a rank, S = N R_n1 / I_n1 the size of
+the samples projected on its basis
     covariance      N (I_n1 + 1)                          reads 2 N
-    projection      2 N R_n1                              reads 2 N, writes 4 N R_n1 / I_n1
-    iteration       for every other mode: the products of the projected tensor with all bases but
-                    that one (last mode first; once for the first mode and only Grams after it),
-                    and its Gram; then the samples with all bases but n1's, the Gram of mode n1
-                    and the core; then the projection again. Reads 4 N R_n1 / I_n1 a mode, 4 N in
-                    all of the samples, writes the projected tensor
+    projection      the sequentially truncated HOSVD: 2 N R_n1, then for every further mode with a
+                    rank, of what is left, M values: its Gram M (I_n + 1) and its product 2 M R_n.
+                    Reads 2 N, writes and reads 4 S
+    iteration       alternating least squares. From the second on, the projection again: 2 N R_n1,
+                    reads 2 N, writes 4 S. For every other mode n: the projected tensor times the
+                    bases of all modes but n and n1, last mode first, and the Gram of n; reads 4 S.
+                    The samples times all bases but that of n1, last mode first, the Gram of n1 and
+                    the core; reads 2 N
+N-SVD of two modes a and b, the others left in full: nothing but Grams, so nothing is written
+    covariance      N (I_a + 1)                           reads 2 N
+    projection      2 N R_a + (N R_a / I_a) (I_b + 1)     reads 2 N
+    iteration       the same with a and b exchanged, and from the second on both; reads 2 N each
+    core            as the projection on global bases, with which it counts once
 Global bases of one mode n (Section 5.2)
     covariance      N (I_n + 1)                           reads 2 N
     projection      2 N R_n                               reads 2 N, writes 4 N R_n / I_n
 Global bases of y and x
-    N-SVD as above; then the projection 2 N R_y + 2 (N R_y / Y) R_x, reads 2 N,
+    N-SVD of two modes; then the projection 2 N R_y + 2 (N R_y / Y) R_x, reads 2 N,
     writes 4 N R_y R_x / (Y X)
 K-CTA, view clustered, light global; P = R_L Y X values a view, M = m_V
     iteration, clustering (Eqs. 9 to 19)
@@ -88,7 +96,8 @@ class Counts:
         iterations, one.
         """
         if message.startswith("N-SVD: "):
-            return self._nsvd(message.removeprefix("N-SVD: ").split()[0])
+            name, *number = message.removeprefix("N-SVD: ").split()
+            return self._nsvd(name, again=number not in ([], ["1"]))
         if message == "Global basis: covariance":
             (mode,) = self.settings.global_modes
             size = prod(self.shape)
@@ -97,45 +106,58 @@ class Counts:
             return self._projection()
         if message == "First clusters":
             return self._decomposition(False, sweeps=3)
-        if message.startswith("Iteration "):
-            return self._clustering(mixtures) + self._decomposition(mixtures, sweeps=1)
+        if message.endswith(": clustering"):
+            return self._clustering(mixtures)
+        if message.endswith(": decomposition"):
+            return self._decomposition(mixtures, sweeps=1)
         if message in ("Done", "N-SVD: done"):
             return []
         raise ValueError(f"a stage without a formula: {message}")
 
-    def _nsvd(self, stage: str) -> list[Work]:
+    def _nsvd(self, stage: str, again: bool) -> list[Work]:
+        """A stage of an N-SVD; `again` for iterations after the first."""
         shape, size = self.shape, prod(self.shape)
         ranks = [
             rank if not self.settings.clusters or n in self.settings.global_modes else 0
             for n, rank in enumerate(self.settings.ranks)
         ]
-        modes = [n for n in range(4) if ranks[n]]
-        first, rest = modes[0], modes[1:]
-        small = size * ranks[first] / shape[first]
-        project = Work(2 * size * ranks[first], 2 * size + 4 * small)
+        first, *rest = (n for n in range(4) if ranks[n])
         if stage == "covariance":
             return [Work(size * (shape[first] + 1), 2 * size)]
-        if stage == "projection":
-            return [project, self._bases(small, rest, ranks)]
-        if stage == "done":
+        if stage == "core" or stage == "done":
             return []
-        left, operations = float(size), 0.0
-        for n in reversed(rest):
-            operations += 2 * left * ranks[n]
-            left *= ranks[n] / shape[n]
-        operations += left * (shape[first] + 1) + 2 * left * ranks[first]
-        return [self._bases(small, rest, ranks), Work(operations, 2 * size), project]
-
-    def _bases(self, small: float, rest: list[int], ranks: list[int]) -> Work:
+        if len(rest) == 1:
+            along = [(first, rest[0])] if stage == "projection" else [(rest[0], first)]
+            if again:
+                along.append((first, rest[0]))
+            return [
+                Work(2 * size * ranks[a] + size * ranks[a] / shape[a] * (shape[b] + 1), 2 * size)
+                for a, b in along
+            ]
+        small = size * ranks[first] / shape[first]
+        project = Work(2 * size * ranks[first], 2 * size + 4 * small)
+        if stage == "projection":
+            left, operations = small, 0.0
+            for n in rest:
+                operations += left * (shape[n] + 1) + 2 * left * ranks[n]
+                left *= ranks[n] / shape[n]
+            return [project, Work(operations, 4 * small)]
+        parts = [project] if again else []
         operations = 0.0
         for n in rest:
             left = small
             for other in reversed(rest):
                 if other != n:
                     operations += 2 * left * ranks[other]
-                    left *= ranks[other] / self.shape[other]
-            operations += left * (self.shape[n] + 1)
-        return Work(operations, 4 * small * len(rest))
+                    left *= ranks[other] / shape[other]
+            operations += left * (shape[n] + 1)
+        parts.append(Work(operations, 4 * small * len(rest)))
+        left, operations = float(size), 0.0
+        for n in reversed(rest):
+            operations += 2 * left * ranks[n]
+            left *= ranks[n] / shape[n]
+        operations += left * (shape[first] + 1) + 2 * left * ranks[first]
+        return [*parts, Work(operations, 2 * size)]
 
     def _projection(self) -> list[Work]:
         left = size = float(prod(self.shape))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -70,15 +71,14 @@ def _squared_distances(points: NDArray[Any], centres: NDArray[Any]) -> NDArray[A
     return np.square(points[:, None] - centres[None]).sum(2)
 
 
-def split_empty(members: list[NDArray[np.intp]], errors: NDArray[Any]) -> list[tuple[int, int]]:
+def split_empty(members: list[NDArray[np.intp]], errors: NDArray[Any]) -> Iterator[tuple[int, int]]:
     """Give each empty cluster the worse half of the cluster with the largest error (K-CTA, 5.3).
 
     members  the items of each cluster, changed in place
     errors   of each item
 
-    Returns (empty, split) pairs, in the order in which they were dealt with.
+    Yields (filled, split) after each: a cluster may be filled and then split itself.
     """
-    splits = []
     for empty in range(len(members)):
         if len(members[empty]):
             continue
@@ -87,5 +87,4 @@ def split_empty(members: list[NDArray[np.intp]], errors: NDArray[Any]) -> list[t
         order = members[worst][np.argsort(errors[members[worst]], kind="stable")]
         half = (len(order) + 1) // 2
         members[worst], members[empty] = np.sort(order[:half]), np.sort(order[half:])
-        splits.append((empty, worst))
-    return splits
+        yield empty, worst

@@ -158,7 +158,7 @@ class Fit:
         del expanded
         items, count, unknowns = projections.shape
         groups = items // self.tied[n]
-        factors: dict[tuple[int, ...], NDArray] = {}
+        factors: dict[tuple[int, ...], NDArray[Any]] = {}
 
         def factor(clusters: tuple[int, ...]) -> NDArray[Any]:
             if clusters not in factors:
@@ -303,16 +303,15 @@ def fit(
     clusters: tuple[int, int],
     mixtures: tuple[int, int],
     iterations: int,
-    directions: tuple[NDArray[Any], NDArray] | None = None,
+    directions: tuple[NDArray[Any], NDArray[Any]] | None = None,
     labels: tuple[NDArray[np.intp], NDArray[np.intp]] | None = None,
 ) -> tuple[Fit, tuple[Array, Array], list[float]]:
     """MK-CTA of samples (light, view, y, x, channel) with clustered lights and views.
 
     ranks are of (light rows, view, y, x), clusters and mixtures of (light, view). The first
     clusters come from k-means of `directions` (light, view), or are given in `labels`. The first
-    iterations have one mixture cluster. Returns the fit, the bases of
-    y and x and the relative squared errors of the first guess and after each iteration, until one
-    would rise.
+    iterations have one mixture cluster. Returns the fit, the bases of y and x and the relative
+    squared errors of the first guess and after each iteration, until one would rise.
     """
     if labels is None:
         assert directions is not None

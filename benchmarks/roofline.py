@@ -65,7 +65,7 @@ def _report(
     sums = [0.0, 0.0]
     rows: dict[str, list[float]] = {}
     for message, seconds in stages:
-        parts = counts.stage(message, mixtures=message not in single)
+        parts = counts.stage(message, mixtures=message.split(":")[0] not in single)
         row = rows.setdefault(message.rstrip("0123456789 "), [0.0] * 4)
         least = sum(part.seconds(products, moved) for part in parts)
         found = [sum(p.operations for p in parts), sum(p.bytes for p in parts), seconds, least]

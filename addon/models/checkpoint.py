@@ -17,6 +17,7 @@ from ..datasets.dataset import Dataset
 from ..errors import NacreError
 
 _SHARE = 0.03  # of the time may go into saving
+_LEAST = 1.0  # seconds between two states
 
 
 class Checkpoint:
@@ -35,7 +36,7 @@ class Checkpoint:
     def save(self, state: Mapping[str, Any]) -> None:
         """Keep a state, unless the fit is so fast that saving would slow it down."""
         now = time.monotonic()
-        if now - self._saved < max(1.0, self._seconds / _SHARE):
+        if now - self._saved < max(_LEAST, self._seconds / _SHARE):
             return
         arrays = {f"basis{n}": basis for n, basis in enumerate(state["basis"])}
         arrays |= {f"members{mode}": rows for mode, rows in state.get("members", {}).items()}
@@ -61,8 +62,8 @@ class Checkpoint:
         if not self._path.exists():
             return None
         try:
-            with np.load(self._path, allow_pickle=False) as file:
-                arrays = dict(file.items())
+            with self._path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+                arrays = dict(stored.items())
             settings, rest = (str(text) for text in arrays.pop("about"))
             state: dict[str, Any] = json.loads(rest)
             state["core"] = arrays.pop("core")

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from ..datasets.dataset import Dataset
 from ..errors import Cancelled, NacreError
 from .checkpoint import Checkpoint
-from .clustered_tucker import MODES, ClusteredTucker
+from .clustered_tucker import MODES, ClusteredTucker, modes_of
+from .coarse import coarse_start
 from .precision import round_model
 
 METHODS = ("nsvd", "cta", "kcta", "mkcta")
@@ -31,28 +32,31 @@ def quality_settings(
     Ranks are multiples of 4 and R_view = 4 a cluster, as K-CTA Section 6 advises, so that the
     methods have about the same size at one quality.
     """
-    lights, views, height, width, channels = dataset.shape
+    sizes = mode_sizes(dataset)
     rank_light, clusters, mixtures, share = {
         "DRAFT": (12, 5, 2, 3 / 8),
         "MEDIUM": (20, 7, 3, 1 / 2),
         "HIGH": (32, 12, 3, 3 / 4),
     }[quality]
+    if dataset.kind == "occlusion":  # less to hold, and a wrong texel is seen
+        clusters *= 2
 
     def spatial(size: int) -> int:
         return min(size, max(4, 4 * round(size * share / 4)))
 
     ranks = {
-        "light": min(rank_light, channels * lights),
-        "view": min(4, views),
-        "y": spatial(height),
-        "x": spatial(width),
+        "light": min(rank_light, sizes.get("light", 1)),
+        "view": min(4, sizes["view"]),
+        "y": spatial(sizes["y"]),
+        "x": spatial(sizes["x"]),
     }
+    ranks = {mode: ranks[mode] for mode in sizes}
     if method == "nsvd":
-        return {"ranks": {**ranks, "view": min(4 * clusters, views)}}
-    counts = {"view": min(clusters, views)}
-    if method == "mkcta":  # C_n R_n as the rank of N-SVD (MK-CTA, Section 4.3)
-        counts = {"light": min(rank_light // 4, lights), **counts}
-        ranks["light"] = min(4, channels * lights)
+        return {"ranks": {**ranks, "view": min(4 * clusters, sizes["view"])}}
+    counts = {"view": min(clusters, sizes["view"])}
+    if method == "mkcta" and "light" in sizes:  # C_n R_n as N-SVD's rank (MK-CTA, Section 4.3)
+        counts = {"light": min(rank_light // 4, dataset.sizes["light"]), **counts}
+        ranks["light"] = min(4, sizes["light"])
     if method == "cta":
         mixtures = 1
     return {
@@ -71,6 +75,7 @@ def compress(
     mixtures: Mapping[str, int] | None = None,
     global_modes: tuple[str, ...] | None = None,
     search: str = "auto",
+    coarse: int = 1,
     seed: int = 0,
     threads: int = 0,
     memory: int = 0,
@@ -82,15 +87,17 @@ def compress(
 
     method        "nsvd" (De Lathauwer et al. 2000), "cta" or "kcta" (Tsai and Shih 2012, Alg. 1),
                   "mkcta" (Tsai 2015, Alg. 1)
-    ranks         of the four modes; the light mode's rows are colour times light
+    ranks         of every mode; the light mode's rows are colour times light
     clusters      of the clustered modes, {"view": C}: one for "cta" and "kcta", any for "mkcta",
                   none for "nsvd". The colours of a light share its clusters
     mixtures      of the clustered modes, {"view": K}; 1 where not given
     global_modes  whose basis all clusters share (Section 5.2); None: the light for "cta" and
-                  "kcta", y and x for "mkcta", as far as they are not clustered
+                  "kcta", y and x for "mkcta", as far as they are there and not clustered
     search        "kcta" (Theorems 1 and 3), "greedy" (orthogonal least squares; MK-CTA, Alg. 3),
                   "optimal" (MK-CTA, Alg. 2); "auto": "kcta" for one clustered mode, else "optimal"
                   for K < 3 and "greedy" beyond
+    coarse        begin with a fit of texels averaged over this many along y and x, where these are
+                  not global (MK-CTA, Section 5.2)
     threads       0 for every core; the result does not depend on it
     memory        bytes of anonymous memory that the process may take; 0 for no bound. What does not
                   fit goes to files beside `state`
@@ -103,19 +110,25 @@ def compress(
     """
     clusters, mixtures = dict(clusters or {}), dict(mixtures or {})
     clusters = {mode: clusters[mode] for mode in MODES if mode in clusters} | clusters
+    modes = modes_of(dataset.kind)
     if global_modes is None:
         default = {"nsvd": (), "mkcta": ("y", "x")}.get(method, ("light",))
-        global_modes = tuple(mode for mode in default if mode not in clusters)
+        global_modes = tuple(mode for mode in default if mode in modes and mode not in clusters)
     _check(dataset, method, ranks, clusters, mixtures, global_modes, search)
     started = time.monotonic()
-    order = tuple(ranks[mode] for mode in MODES)
+    # To the compiled helper, occlusion is a BTF of one light, whose basis is one number for all.
+    missing = tuple(mode for mode in MODES if mode not in modes)
+    samples = dataset.samples[None, ..., None] if missing else dataset.samples
+    order = tuple(ranks.get(mode, 1) for mode in MODES)
     settings = {
         "method": method,
-        "ranks": {mode: ranks[mode] for mode in MODES},
+        "value": dataset.value,
+        "ranks": {mode: ranks[mode] for mode in modes},
         "clusters": clusters,
         "mixtures": {mode: mixtures.get(mode, 1) for mode in clusters},
         "global_modes": list(global_modes),
         "search": search,
+        "coarse": coarse,
         "seed": seed,
     }
     checkpoint = Checkpoint(state, settings, dataset) if state else None
@@ -130,19 +143,29 @@ def compress(
     result: nacre_native.NsvdModel | nacre_native.ClusteredModel
     try:
         if method == "nsvd":
-            result = nacre_native.fit_nsvd(dataset.samples, order, **shared)
+            result = nacre_native.fit_nsvd(samples, order, **shared)
         else:
-            result = nacre_native.fit_clustered(
-                dataset.samples,
-                order,
-                clusters={MODES.index(mode): count for mode, count in clusters.items()},
-                mixtures={MODES.index(mode): count for mode, count in mixtures.items()},
-                global_modes=tuple(MODES.index(mode) for mode in global_modes),
-                directions={MODES.index(mode): _places(dataset, mode) for mode in clusters},
-                search=search,
-                seed=seed,
-                **shared,
-            )
+            clustering: dict[str, Any] = {
+                "clusters": {MODES.index(mode): count for mode, count in clusters.items()},
+                "mixtures": {MODES.index(mode): count for mode, count in mixtures.items()},
+                "global_modes": tuple(MODES.index(mode) for mode in (*missing, *global_modes)),
+                "directions": {MODES.index(mode): _places(dataset, mode) for mode in clusters},
+                "search": search,
+                "tolerance": 5e-4 if len(clusters) == 1 else 2e-3,
+                "seed": seed,
+            }
+            if coarse > 1 and shared["start"] is None:
+                shared["start"] = coarse_start(
+                    samples,
+                    order,
+                    coarse,
+                    folder=shared["scratch"] or None,
+                    threads=threads,
+                    memory=memory,
+                    progress=progress,
+                    **clustering,
+                )
+            result = nacre_native.fit_clustered(samples, order, **clustering, **shared)
     except nacre_native.Cancelled as error:
         if checkpoint and not resume:
             checkpoint.remove()
@@ -155,9 +178,12 @@ def compress(
         checkpoint.remove()
     errors = [float(error) for error in result["errors"]]
     members = {MODES[mode]: rows for mode, rows in result.get("members", {}).items()}
+    core, bases = result["core"], dict(zip(MODES, result["basis"], strict=True))
+    if missing:
+        core = core[:, 0] * bases.pop("light").item()  # 1 or -1
     model = ClusteredTucker(
-        core=result["core"],
-        bases=dict(zip(MODES, result["basis"], strict=True)),
+        core=core,
+        bases=bases,
         members=members,
         clusters=clusters,
         dataset=describe(dataset),
@@ -171,8 +197,17 @@ def compress(
             "snr_db": round(-10.0 * log10(max(errors[-1], 1e-12)), 4),
             "seconds": round(time.monotonic() - started, 3),
         },
+        kind=dataset.kind,
     )
     return round_model(model, errors[-1] * result["squared_norm"])
+
+
+def mode_sizes(dataset: Dataset) -> dict[str, int]:
+    """The rows of each mode; those of the light are colour times light."""
+    sizes = {mode: dataset.sizes[mode] for mode in modes_of(dataset.kind)}
+    if "light" in sizes:
+        sizes["light"] *= dataset.sizes["channel"]
+    return sizes
 
 
 def _places(dataset: Dataset, mode: str) -> NDArray[np.float64]:
@@ -196,19 +231,17 @@ def _check(
         raise NacreError(f"method {method!r}: expected one of {', '.join(METHODS)}")
     if search not in SEARCHES:
         raise NacreError(f"search {search!r}: expected one of {', '.join(SEARCHES)}")
+    sizes = mode_sizes(dataset)
     for name, given in (("rank", ranks), ("clusters", clusters), ("mixtures", mixtures)):
         for mode, value in given.items():
-            if mode not in MODES:
-                raise NacreError(f"{name} of {mode!r}: the modes are {', '.join(MODES)}")
+            if mode not in sizes:
+                raise NacreError(f"{name} of {mode!r}: the modes are {', '.join(sizes)}")
             if value < 1:
                 raise NacreError(f"{name} {mode}={value}: expected 1 or more")
-    lights, views, height, width, channels = dataset.shape
-    sizes = dict(zip(MODES, (channels * lights, views, height, width), strict=True))
-    for mode in MODES:
+    for mode in sizes:
         if mode not in ranks:
-            raise NacreError(
-                f"no rank for the mode {mode}: give --ranks light=..,view=..,y=..,x=.."
-            )
+            expected = ",".join(f"{name}=.." for name in sizes)
+            raise NacreError(f"no rank for the mode {mode}: give --ranks {expected}")
         if ranks[mode] > sizes[mode]:
             raise NacreError(
                 f"rank {mode}={ranks[mode]} is larger than the mode, which has {sizes[mode]} rows"
@@ -221,10 +254,10 @@ def _check(
         raise NacreError("mkcta clusters one or more modes: give --clusters light=C,view=C")
     if method != "mkcta" and len(clusters) != 1:
         raise NacreError(f"{method} clusters one mode: give --clusters view=C, or use mkcta")
-    items = {**sizes, "light": lights}
     for mode, count in clusters.items():
-        if count > items[mode]:
-            raise NacreError(f"clusters {mode}={count} is more than the {items[mode]} of that mode")
+        items = dataset.sizes[mode]  # not the rows: a light's colours share its clusters
+        if count > items:
+            raise NacreError(f"clusters {mode}={count} is more than the {items} of that mode")
         mixture = mixtures.get(mode, 1)
         if mixture > count:
             raise NacreError(f"mixtures {mode}={mixture} is more than clusters {mode}={count}")
@@ -234,17 +267,19 @@ def _check(
     if unclustered:
         raise NacreError(f"mixtures of {min(unclustered)}: only clustered modes have them")
     for mode in global_modes:
-        if mode not in MODES or mode in clusters:
-            others = [name for name in MODES if name not in clusters]
+        if mode not in sizes or mode in clusters:
+            others = [name for name in sizes if name not in clusters]
             raise NacreError(f"global mode {mode!r}: expected {' or '.join(others)}")
 
 
 def describe(dataset: Dataset) -> dict[str, Any]:
     """What a model keeps of its dataset, JSON-able."""
+    own: dict[str, Any] = {"value": dataset.value}
+    if dataset.kind == "btf":
+        own = {"light": dataset.light.tolist(), "channels": list(dataset.channels)}
     return {
-        "light": dataset.light.tolist(),
+        **own,
         "view": dataset.view.tolist(),
-        "channels": list(dataset.channels),
         "patch_size": list(dataset.patch_size),
         "periodic": dataset.periodic,
         "noise_floor_db": dataset.noise_floor_db,

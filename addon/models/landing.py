@@ -107,15 +107,15 @@ def quality(model: ClusteredTucker, dataset: Dataset, folder: Path, progress: Pr
     """The quality of a model's file, 10 log10(sum A^2 / sum (A - A^)^2); infinite without error."""
     with _saved(model, folder) as path:
         stored = load_model(path)
-    lights = dataset.shape[0]
+    rows = dataset.shape[0]
     count = max(1, _BLOCK_BYTES // (4 * prod(dataset.shape[1:])))
 
     def pairs() -> Iterator[tuple[NDArray[np.floating], NDArray[np.floating]]]:
-        for first in range(0, lights, count):
-            if not progress(first / lights, "Measuring"):
+        for first in range(0, rows, count):
+            if not progress(first / rows, "Measuring"):
                 raise Cancelled
-            part = slice(first, min(first + count, lights))
-            yield dataset.samples[part], stored.decode(part)
+            part = slice(first, min(first + count, rows))
+            yield dataset.samples[part], stored.decode(**{dataset.axes[0]: part})
 
     found = compare_blocks(pairs())["snr_db"]
     return inf if found is None else found

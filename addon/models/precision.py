@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .clustered_tucker import MODES, ClusteredTucker
+from .clustered_tucker import ClusteredTucker
 
 SHARE = 3e-5
 """Rounding may add this share of the fit's squared error: 0.0001 dB."""
@@ -31,7 +31,7 @@ def round_model(
         return model
     step = float(np.sqrt(12.0 * share * squared_error / count))
     bases = {}
-    for number, mode in enumerate(MODES, start=1):
+    for number, mode in enumerate(model.modes, start=1):
         basis = model.bases[mode]
         others = tuple(axis for axis in range(1, model.core.ndim) if axis != number)
         slices = np.sqrt(np.sum(np.square(model.core, dtype=float), axis=others))

@@ -105,7 +105,7 @@ def truncations(model: ClusteredTucker, squared_error: float) -> Truncations:
     for axis in range(kept.ndim):
         kept = kept.cumsum(axis=axis)
     grid = np.meshgrid(*ranks.values(), indexing="ij")
-    numbers = len(model.core) * np.prod(grid, axis=0)
+    numbers = len(model.core) * np.prod(grid, axis=0, dtype=np.int64)
     for mode, rank in zip(ranks, grid, strict=True):
         owners, rows, mixtures, _ = model.bases[mode].shape
         numbers = numbers + owners * rows * mixtures * rank

@@ -138,19 +138,18 @@ class _Search:
 
     def begin(self) -> None:
         """N-SVD, at ranks enough for the target, and what it tells of the rest."""
-        clustered = CLUSTERED[self.method]
         ranks: dict[str, int] = {}
         shared = {name: self.options[name] for name in ("threads", "memory")}
-        larger = first_ranks(self.dataset, clustered, self.options["memory"])
+        larger = first_ranks(self.dataset, self.clustered, self.options["memory"])
         while larger != ranks:
             ranks = larger
             self.reduced = reduce_dataset(
                 self.dataset,
                 ranks,
-                clustered,
+                self.clustered,
                 **shared,
                 scratch=self.folder,
-                progress=self.steps.step(_TRIALS if clustered else 3),
+                progress=self.steps.step(_TRIALS if self.clustered else 3),
             )
             nsvd = self.reduced.nsvd
             table = truncations(nsvd, self.reduced.lost)
@@ -167,12 +166,11 @@ class _Search:
 
     def walk(self) -> None:
         """The best numbers of clusters, from where C_n R_n is N-SVD's rank."""
-        clustered = CLUSTERED[self.method]
-        if not clustered:
+        if not self.clustered:
             return
         self.regained = _REGAINED
-        most = {mode: self.items[mode] for mode in clustered}
-        start = {m: min(max(1, round(self.best.ranks[m] / RANK)), most[m]) for m in clustered}
+        most = {mode: self.items[mode] for mode in self.clustered}
+        start = {m: min(max(1, round(self.best.ranks[m] / RANK)), most[m]) for m in self.clustered}
         trials: dict[tuple[int, ...], _Trial] = {}
 
         def merit(clusters: dict[str, int]) -> float:
@@ -180,7 +178,7 @@ class _Search:
             trials[tuple(clusters.values())] = self.best
             return found
 
-        found = walk(merit, start, dict.fromkeys(clustered, 1), most, _TRIALS)
+        found = walk(merit, start, dict.fromkeys(self.clustered, 1), most, _TRIALS)
         self.best = trials[tuple(found.values())]
 
     def fit(self) -> list[_Fitted]:
@@ -325,10 +323,14 @@ class _Search:
         return len(json.dumps(describe(self.dataset)))
 
     @property
+    def clustered(self) -> tuple[str, ...]:
+        """The modes that the method clusters, as far as the dataset has them."""
+        return tuple(mode for mode in CLUSTERED[self.method] if mode in self.dataset.axes)
+
+    @property
     def items(self) -> dict[str, int]:
         """How many members clusters may have; the colour rows of a light are one."""
-        lights, views, height, width, _ = self.dataset.shape
-        return {"light": lights, "view": views, "y": height, "x": width}
+        return self.dataset.sizes
 
     @property
     def wanted(self) -> float:

@@ -20,9 +20,11 @@ namespace py = pybind11;
 void register_nsvd(py::module_& module);
 void register_clustered(py::module_& module);
 void register_search(py::module_& module);
+void register_evaluator(py::module_& module);
 
-// Samples (light, view, y, x, channel), C-contiguous half or float, used where they lie.
-BtfSource btf_source(const py::array& samples);
+// Samples (light, view, y, x, channel), C-contiguous half or float, used where they lie. `bounded`:
+// memory is; pages of a read-only numpy.memmap are dropped behind the reader.
+BtfSource btf_source(const py::array& samples, bool bounded = false);
 
 // auto, kcta, greedy or optimal.
 SearchMethod search_method(const std::string& name);

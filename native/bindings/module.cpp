@@ -3,7 +3,26 @@
 
 namespace nacre::python {
 
-BtfSource btf_source(const py::array& samples) {
+namespace {
+
+// Whether the array lies in a numpy.memmap that was opened read-only, itself or as a view of one:
+// then its pages may be dropped. Those of a copy-on-write map, or of memory, would be lost.
+bool in_read_only_map(const py::array& array) {
+    const py::object memmap = py::module_::import("numpy").attr("memmap");
+    const auto* first = static_cast<const char*>(array.data());
+    for (py::object owner = array; py::isinstance<py::array>(owner); owner = owner.attr("base")) {
+        if (!py::isinstance(owner, memmap) || owner.attr("_mmap").is_none()) continue;
+        if (!py::str("r").equal(owner.attr("mode"))) return false;
+        const auto whole = py::reinterpret_borrow<py::array>(owner);
+        const auto* begin = static_cast<const char*>(whole.data());
+        if (first >= begin && first + array.nbytes() <= begin + whole.nbytes()) return true;
+    }
+    return false;
+}
+
+}  // namespace
+
+BtfSource btf_source(const py::array& samples, bool bounded) {
     if (samples.ndim() != 5) {
         throw py::value_error("samples: expected 5 axes (light, view, y, x, channel), got " +
                               std::to_string(samples.ndim()));
@@ -20,7 +39,8 @@ BtfSource btf_source(const py::array& samples) {
     const SampleType sample = type.itemsize() == 2 ? SampleType::kHalf : SampleType::kFloat;
     return BtfSource(
         samples.data(), sample,
-        {samples.shape(0), samples.shape(1), samples.shape(2), samples.shape(3), samples.shape(4)});
+        {samples.shape(0), samples.shape(1), samples.shape(2), samples.shape(3), samples.shape(4)},
+        bounded && in_read_only_map(samples));
 }
 
 Executor::Progress progress_callback(const py::object& progress) {
@@ -42,4 +62,5 @@ PYBIND11_MODULE(_native, module) {
     nacre::python::register_nsvd(module);
     nacre::python::register_clustered(module);
     nacre::python::register_search(module);
+    nacre::python::register_evaluator(module);
 }

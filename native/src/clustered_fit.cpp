@@ -124,11 +124,12 @@ void ClusteredFit::iterate(const ClusteredCheckpoint& checkpoint) {
         if (checkpoint) checkpoint(model(false));
         const double share = 0.5 / (options_.iterations + 1);
         const double begin = 0.5 + share * static_cast<double>(done - 1);
-        executor_.stage(begin, begin + share, "Iteration " + std::to_string(done));
-
+        const std::string name = "Iteration " + std::to_string(done);
+        executor_.stage(begin, begin + share / 2, name + ": clustering");
         const Snapshot before{state_.groupings, state_.cores, state_.bases};
         cluster_modes(warm);
         residual(executor_, state_, tensor_, residual_);
+        executor_.stage(begin + share / 2, begin + share, name + ": decomposition");
         decomposition_.run(residual_, kSweeps);
         const double error = this->error();
         if (error > last) {

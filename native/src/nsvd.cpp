@@ -163,7 +163,7 @@ Tucker Fit::run() {
         if (!iterate()) break;
         if (options_.checkpoint) options_.checkpoint(result_);
     }
-    if (streamed_) {
+    if (streamed_ && options_.core) {
         executor_.stage(1, 1, "N-SVD: core");
         result_.core =
             project(executor_, source_, all_but(result_.bases, -1), {}, options_.workspace);

@@ -14,7 +14,7 @@ namespace {
 constexpr float kLargest = 1e15f;
 
 // Pages are dropped all at once after so many bytes: a call for each block would cost more.
-constexpr std::size_t kDropBytes = std::size_t{64} << 20;
+constexpr std::size_t kDropBytes = std::size_t{16} << 20;
 
 bool usable(float value) { return std::abs(value) <= kLargest; }  // false for NaN
 
@@ -59,11 +59,12 @@ BtfSource::BtfSource(const void* samples, SampleType type, const std::array<Inde
     }
 }
 
-void BtfSource::count_pages(Index values) const {
-    const std::size_t width = type_ == SampleType::kHalf ? 2 : 4;
-    if (undropped_.fetch_add(at(values) * width) < kDropBytes) return;
-    undropped_ = 0;
-    drop_pages(samples_, at(product(shape())) * width);
+BtfSource::~BtfSource() {
+    if (drop_) drop();
+}
+
+void BtfSource::drop() const {
+    drop_pages(samples_, at(product(shape())) * (type_ == SampleType::kHalf ? 2 : 4));
 }
 
 void BtfSource::fetch(const Shape& begin, const Shape& size, float* block) const {
@@ -82,7 +83,11 @@ void BtfSource::fetch(const Shape& begin, const Shape& size, float* block) const
             }
         }
     }
-    if (drop_) count_pages(product(size));
+    if (!drop_) return;
+    const std::size_t bytes = at(product(size)) * (type_ == SampleType::kHalf ? 2 : 4);
+    if (undropped_.fetch_add(bytes) + bytes < kDropBytes) return;
+    undropped_ = 0;
+    drop();
 }
 
 void BtfSource::throw_invalid() const {

@@ -36,7 +36,7 @@ def test_kmeans_finds_separate_groups():
 
 def test_an_empty_cluster_takes_the_worse_half_of_the_worst():
     members = [np.array([0, 1]), np.array([], int), np.array([2, 3, 4])]
-    assert split_empty(members, np.array([1, 1, 5, 0, 3.0])) == [(1, 2)]
+    assert list(split_empty(members, np.array([1, 1, 5, 0, 3.0]))) == [(1, 2)]
     assert [list(items) for items in members] == [[0, 1], [2], [3, 4]]
 
 
@@ -182,3 +182,22 @@ def test_whole_clusters_lose_nothing(samples):
     fit, _, errors = fit_mkcta(samples, (6, 3, 5, 4), (2, 3), (1, 1), 0)
     assert errors[0] < 1e-10 or np.isclose(errors[0], 0, atol=1e-6)
     assert fit.counts == (2, 3)
+
+
+def test_clusters_that_nothing_needs_are_filled():
+    """All sets explain a constant tensor alike, so the search leaves clusters empty."""
+    samples = np.ones((6, 9, 5, 4, 2), np.float32)
+    fit, _, _ = fit_mkcta(samples, (1, 1, 1, 1), (3, 4), (2, 2), 0)
+    for n in range(2):
+        fit.cluster(n, 2)
+        assert np.all(fit.members[n].any(1)) and np.all(fit.members[n].sum(0) == 2)
+        assert np.abs(dense_left(fit)).max() < 1e-3
+
+
+def test_empty_kcta_clusters_are_filled_without_a_change():
+    samples = np.ones((6, 9, 5, 4, 2), np.float32)
+    fit, _, _ = numpy_kcta.fit(samples, (1, 1, 1, 1), 4, 2, 0, labels=labels_of(9, 4))
+    fit.search(2)
+    assert all(len(cluster.members) for cluster in fit.clusters)
+    approximated = fit.mixing.reshape(9, -1) @ fit.expanded.reshape(4, -1)
+    np.testing.assert_allclose(approximated, fit.flat, atol=1e-4)

@@ -1,7 +1,13 @@
-"""A small material that changes with the view, for the tests of the compiled module."""
+"""A small material that changes with the view, for the tests of the compiled module, which also use
+the small models that lie beside the tests of models."""
+
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "models"))
 
 nacre_native = pytest.importorskip("nacre_native")
 

@@ -73,7 +73,7 @@ def test_nsvd(samples):
         "ranks: expected 1 to 24 for mode 1, got 25"
     )
     assert message(lambda: call(samples, (6, 3))) == "ranks: expected 4 numbers, got 2"
-    assert message(lambda: call(samples, (6, 3, 4, 4), iterations=0)).startswith("iterations:")
+    assert message(lambda: call(samples, (6, 3, 4, 4), iterations=-1)).startswith("iterations:")
 
 
 @pytest.mark.parametrize("dtype", [np.float16, np.float32])

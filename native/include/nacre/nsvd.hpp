@@ -25,6 +25,8 @@ struct NsvdOptions {
     std::vector<Index> ranks;  // of each mode; 0 leaves a mode as it is, without a basis
     int iterations = 20;       // 0: the truncated HOSVD alone, each mode after the one before
     double tolerance = 1e-4;   // stop when the error falls by less than this part of itself
+    // Whether the core is wanted too, where it would take a pass of its own.
+    bool core = true;
     Workspace workspace = {};  // for the large tensors
     // Goes on after the last iteration of `start`, as given to `checkpoint`, which is called after
     // each: the result has the same bits as without the break.

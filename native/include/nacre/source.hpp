@@ -62,6 +62,7 @@ class BtfSource : public TensorSource {
     // dropped behind the reader (see drop_pages).
     BtfSource(const void* samples, SampleType type, const std::array<Index, 5>& shape,
               bool drop = false);
+    ~BtfSource() override;
 
     Index channels() const { return dims_[4]; }
     Index granularity(Index mode) const override { return mode == 0 ? channels() : 1; }
@@ -71,7 +72,7 @@ class BtfSource : public TensorSource {
     void fetch(const Shape& begin, const Shape& size, float* block) const override;
 
   private:
-    void count_pages(Index values) const;
+    void drop() const;
 
     const void* samples_;
     SampleType type_;

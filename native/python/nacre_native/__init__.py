@@ -3,6 +3,22 @@
 A thin skin over a C++ library. Arrays in and out are numpy's; see `__init__.pyi` for signatures.
 """
 
-from ._native import Cancelled, __version__, core_gram, fit_clustered, fit_nsvd, search_clusters
+from ._native import (
+    Cancelled,
+    Evaluator,
+    __version__,
+    core_gram,
+    fit_clustered,
+    fit_nsvd,
+    search_clusters,
+)
 
-__all__ = ["Cancelled", "__version__", "core_gram", "fit_clustered", "fit_nsvd", "search_clusters"]
+__all__ = [
+    "Cancelled",
+    "Evaluator",
+    "__version__",
+    "core_gram",
+    "fit_clustered",
+    "fit_nsvd",
+    "search_clusters",
+]

@@ -11,7 +11,7 @@ thread, about twenty times a second; returning False raises Cancelled, and what 
 The same arguments give the same bits for any number of threads (0: all).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypedDict
 
 import numpy as np
@@ -25,9 +25,11 @@ class Cancelled(Exception):
 class NsvdModel(TypedDict):
     core: NDArray[np.float32]  # (1, RL, RV, RY, RX)
     basis: list[NDArray[np.float32]]  # (1, I, 1, R) of each mode, orthonormal columns
-    errors: list[float]  # ||A - approximation||^2 / ||A||^2 after each iteration
+    # ||A - approximation||^2 / ||A||^2 after each iteration, or of the HOSVD if there is none
+    errors: list[float]
     squared_norm: float  # ||A||^2
     iterations: int
+    passes: float  # how often the samples were read: values read over values there are
 
 class KctaModel(TypedDict):
     core: NDArray[np.float32]  # (C, RL, RV, RY, RX)
@@ -45,10 +47,24 @@ def fit_nsvd(
     iterations: int = 20,
     tolerance: float = 1e-4,
     threads: int = 0,
+    memory: int = 0,
+    scratch: str = "",
+    start: NsvdModel | None = None,
+    checkpoint: Callable[[NsvdModel], object] | None = None,
     progress: Callable[[float, str], bool] | None = None,
 ) -> NsvdModel:
     """N-SVD: truncated HOSVD, then alternating least squares until the error falls by less than
-    `tolerance` of itself (De Lathauwer et al. 2000)."""
+    `tolerance` of itself (De Lathauwer et al. 2000). No iterations: the truncated HOSVD alone, each
+    mode after the one before.
+
+    `memory` bounds the anonymous memory of the process in bytes, what it has in use already
+    included; 0 is no bound. What exceeds it lies in files in the folder `scratch` ("": the
+    system's) that nobody sees and that go with the process, however it ends; RuntimeError if there
+    is no room for them. Pages of samples that are a read-only numpy.memmap, or a view of one, are
+    dropped behind the reader.
+
+    `checkpoint` is called with the model after each iteration; given as `start`, the fit goes on
+    from there, and the result has the same bits as without the break."""
 
 def fit_kcta(
     samples: NDArray[Any],
@@ -90,3 +106,30 @@ def search_clusters(
     projections (n, C, R): ufm(A<i>^(c)) ufm(Z_c)^T; gram as from core_gram; candidates (n, q, K):
     further sets for each row, of which the one that explains most energy wins, the greedy one in
     doubt. Returns members (n, K), ascending in a row, and coefficients (n, K, R)."""
+
+class Evaluator:
+    """Random access to a clustered Tucker model of a BTF: y and x expanded for every texel, from
+    which a texel's values take only the blocks of its light's and its view's clusters."""
+
+    shape: tuple[int, int, int, int, int]  # (light, view, y, x, channel)
+    reads: int  # core values that go into a texel for one light and view
+    nbytes: int  # of the expanded core
+
+    def __init__(
+        self,
+        core: ArrayLike,
+        basis: Sequence[ArrayLike],
+        members: Mapping[int, ArrayLike] = ...,
+        clusters: Mapping[int, int] = ...,
+        *,
+        channels: int = 3,
+        threads: int = 0,
+    ) -> None:
+        """`core` and `basis` as the fits return them; `members` (items, K) and `clusters` C of each
+        clustered mode, by its number."""
+
+    def decode_texels(
+        self, light: ArrayLike, view: ArrayLike, texels: ArrayLike, *, threads: int = 0
+    ) -> NDArray[np.float32]:
+        """Unclamped values (n, channels) at texels y * width + x (n,) for one light and one view;
+        (pairs, n, channels) for as many lights and views, with texels (n,) or (pairs, n)."""
