@@ -32,8 +32,18 @@ MOST = 0.3
 _NEAR_DB = 0.02
 _NEAR_BYTES = 0.01
 _TRIES = 6
-_STEEPNESS = 10.0  # files shrink by about a tenth where the share trebles
+_STEEPNESS = 10.0  # files shrink by a tenth where the share trebles, about
 _BLOCK_BYTES = 32 * 2**20
+
+
+def size_at(share: float) -> float:
+    """About how large a file is if rounding adds a share, over its size at the usual one."""
+    return (USUAL / share) ** (1.0 / _STEEPNESS)
+
+
+def share_at(size: float) -> float:
+    """About what share makes a file so large, over its size at the usual one."""
+    return USUAL * (1.0 / size) ** _STEEPNESS
 
 
 def land_on_quality(
@@ -95,7 +105,7 @@ def land_on_bytes(
         if limit * (1.0 - _NEAR_BYTES) <= size <= limit:
             break
         low, high = (low, share) if size <= limit else (share, high)
-        share *= (size / (limit * (1.0 - _NEAR_BYTES / 2.0))) ** _STEEPNESS
+        share *= share_at(limit * (1.0 - _NEAR_BYTES / 2.0) / size) / USUAL
         if not low < share < high:
             share = (low * high) ** 0.5
     if best is None:

@@ -32,8 +32,8 @@ _LOST = 0.1  # what the reduction may add to a fit's squared error, as a share o
 class Reduced:
     """A dataset with projected samples, and the way back.
 
-    dataset       its samples have the same axes, or (R_light, ..., 1) where the light mode of a BTF,
-                  colour folded in, is projected; they are float32
+    dataset       its samples are float32 of the same axes, or (R_light, ..., 1) where the light
+                  mode of a BTF, colour folded in, is projected
     projected     the modes that are
     core          of the N-SVD, (R of each mode)
     bases         of the N-SVD, (I, R) for each mode, orthonormal columns by falling energy
