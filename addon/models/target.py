@@ -174,6 +174,7 @@ class _Search:
     def walk(self) -> None:
         """The best numbers of clusters, from where C_n R_n is N-SVD's rank."""
         if not self.clustered:
+            self.sketch()
             return
         self.regained = _REGAINED
         most = {mode: self.items[mode] for mode in self.clustered}
@@ -187,6 +188,20 @@ class _Search:
 
         found = walk(merit, start, dict.fromkeys(self.clustered, 1), most, _TRIALS)
         self.best = trials[tuple(found.values())]
+
+    def sketch(self) -> None:
+        """The curve about the best truncation of the N-SVD, which needs no fits."""
+        trial = self.best
+        for decibels in (-2.0, -1.0, 1.0, 2.0):
+            error = trial.table.error_at(trial.ranks, 0.0) * 10.0 ** (-decibels / 10.0)
+            for ranks in trial.table.smallest(error, 0.0, 1):
+                error = trial.table.error_at(ranks, 0.0)
+                model = truncate(trial.model, ranks)
+                self.note(model, error, self.measure(model, error))
+
+    def note(self, model: ClusteredTucker, squared_error: float, size: int) -> None:
+        """Keep where a model is on the curve if it is rounded as usual."""
+        self.walked.append(_point(model, self.decibels(squared_error * (1.0 + USUAL)), size))
 
     def fit(self) -> list[_Fitted]:
         """Fits at the best ranks, until rounding can do the rest of the way to the target."""
@@ -291,7 +306,7 @@ class _Search:
         )
         error = model.fit["errors"][-1] * self.reduced.squared_norm
         size = self.measure(model, error)
-        self.walked.append(_point(model, self.decibels(error * (1.0 + USUAL)), size))
+        self.note(model, error, size)
         return _Fitted(model, error, size)
 
     def measure(self, model: ClusteredTucker, squared_error: float) -> int:
@@ -321,7 +336,7 @@ class _Search:
             share = self.most / max(fitted.squared_error, _TINY) - 1.0
         else:
             share = share_at(self.limit / fitted.bytes)
-        return USUAL / 4.0 < share < USUAL * 2.5
+        return USUAL / 2.0 < share < USUAL * 2.5
 
     def described(
         self, model: ClusteredTucker, snr_db: float, size: int, seconds: float
