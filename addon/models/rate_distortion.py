@@ -41,14 +41,14 @@ class Truncations:
         """
         return self.error + (1.0 - regained) * (self.kept.flat[-1] - self.kept)
 
-    def smallest(self, error: float, regained: float) -> dict[str, int] | None:
-        """Ranks with the fewest numbers whose squared error is at most `error`."""
-        allowed = self.errors(regained) <= error
-        return self._best(self.numbers, allowed, self.errors(regained))
+    def smallest(self, error: float, regained: float, count: int) -> list[dict[str, int]]:
+        """Ranks whose squared error is at most `error`: those with the fewest numbers first."""
+        errors = self.errors(regained)
+        return self._first(self.numbers, errors, errors <= error, count)
 
-    def closest(self, numbers: float, regained: float) -> dict[str, int] | None:
-        """Ranks with the smallest error among those of at most this many numbers."""
-        return self._best(self.errors(regained), self.numbers <= numbers, self.numbers)
+    def closest(self, numbers: float, regained: float, count: int) -> list[dict[str, int]]:
+        """Ranks with at most this many numbers: those with the smallest errors first."""
+        return self._first(self.errors(regained), self.numbers, self.numbers <= numbers, count)
 
     @property
     def least(self) -> dict[str, int]:
@@ -59,30 +59,35 @@ class Truncations:
         """The squared error at some of the ranks to choose from."""
         return float(self.errors(regained)[self._place(ranks)])
 
+    def numbers_at(self, ranks: Mapping[str, int]) -> int:
+        """How many numbers there are at some of the ranks to choose from."""
+        return int(self.numbers[self._place(ranks)])
+
     def _place(self, ranks: Mapping[str, int]) -> tuple[int, ...]:
         return tuple(int(np.searchsorted(self.ranks[mode], ranks[mode])) for mode in self.ranks)
 
     def slope(self, ranks: Mapping[str, int]) -> float:
         """How the logarithm of the numbers grows with each dB about some ranks."""
         error = self.error_at(ranks, 0.0)
-        less, more = self.smallest(error * 10**0.1, 0.0), self.smallest(error / 10**0.1, 0.0)
-        if less is None or more is None:
+        less, more = (self.smallest(error * 10.0**step, 0.0, 1) for step in (0.1, -0.1))
+        if not less or not more:
             return _SLOPE
-        growth = log(self.numbers[self._place(more)] / self.numbers[self._place(less)]) / 2.0
+        growth = log(self.numbers_at(*more) / self.numbers_at(*less)) / 2.0
         return min(max(growth, _SLOPE / 3.0), _SLOPE * 3.0)
 
-    def _best(
-        self, wanted: NDArray, allowed: NDArray[np.bool_], then: NDArray
-    ) -> dict[str, int] | None:
+    def _first(
+        self, wanted: NDArray, then: NDArray, allowed: NDArray[np.bool_], count: int
+    ) -> list[dict[str, int]]:
         places = np.flatnonzero(allowed)
-        if not len(places):
-            return None
-        order = np.lexsort((then.flat[places], wanted.flat[places]))
-        where = np.unravel_index(places[order[0]], allowed.shape)
-        return {
-            mode: int(choices[place])
-            for (mode, choices), place in zip(self.ranks.items(), where, strict=True)
-        }
+        order = np.lexsort((then.flat[places], wanted.flat[places]))[:count]
+        found = np.stack(np.unravel_index(places[order], allowed.shape), axis=1)
+        return [
+            {
+                mode: int(choices[place])
+                for (mode, choices), place in zip(self.ranks.items(), row, strict=True)
+            }
+            for row in found
+        ]
 
 
 def truncations(model: ClusteredTucker, squared_error: float) -> Truncations:
@@ -105,7 +110,7 @@ def truncations(model: ClusteredTucker, squared_error: float) -> Truncations:
     for axis in range(kept.ndim):
         kept = kept.cumsum(axis=axis)
     grid = np.meshgrid(*ranks.values(), indexing="ij")
-    numbers = len(model.core) * np.prod(grid, axis=0).astype(np.intp)
+    numbers = len(model.core) * np.prod(grid, axis=0, dtype=np.int64)
     for mode, rank in zip(ranks, grid, strict=True):
         owners, rows, mixtures, _ = model.bases[mode].shape
         numbers = numbers + owners * rows * mixtures * rank

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from ..datasets.dataset import Dataset
 from ..errors import Cancelled, NacreError
-from .clustered_tucker import MODES, ClusteredTucker
-from .fit import describe
+from .clustered_tucker import MODES, ClusteredTucker, modes_of
+from .fit import describe, mode_sizes
 from .steps import Progress
 
 _NUMBERS = 2**27  # that a first reduced dataset may have
@@ -32,10 +32,10 @@ _LOST = 0.1  # what the reduction may add to a fit's squared error, as a share o
 class Reduced:
     """A dataset with projected samples, and the way back.
 
-    dataset       its samples have the axes (light, view, y, x, channel), or (R_light, ..., 1) where
-                  the light mode, colour folded in, is projected; they are float32
+    dataset       its samples are float32 of the same axes, or (R_light, ..., 1) where the light
+                  mode of a BTF, colour folded in, is projected
     projected     the modes that are
-    core          of the N-SVD, (R_light, R_view, R_y, R_x)
+    core          of the N-SVD, (R of each mode)
     bases         of the N-SVD, (I, R) for each mode, orthonormal columns by falling energy
     squared_norm  of the dataset's samples, sum A^2
     lost          sum of the squared distances from the samples to the projected ones
@@ -57,7 +57,9 @@ class Reduced:
     def nsvd(self) -> ClusteredTucker:
         """The N-SVD itself, as a model of the dataset."""
         bases = {mode: basis[None, :, None] for mode, basis in self.bases.items()}
-        return ClusteredTucker(self.core[None], bases, {}, {}, describe(self.dataset))
+        return ClusteredTucker(
+            self.core[None], bases, {}, {}, describe(self.dataset), kind=self.dataset.kind
+        )
 
     def restore(self, model: ClusteredTucker) -> ClusteredTucker:
         """A model that was fitted to the projected samples, as one of the dataset.
@@ -77,12 +79,6 @@ class Reduced:
         return replace(model, bases=bases)
 
 
-def mode_rows(dataset: Dataset) -> dict[str, int]:
-    """How many rows each mode has; the light mode's are colour times light."""
-    lights, views, height, width, channels = dataset.shape
-    return dict(zip(MODES, (channels * lights, views, height, width), strict=True))
-
-
 def reduce_dataset(
     dataset: Dataset,
     ranks: Mapping[str, int],
@@ -98,11 +94,14 @@ def reduce_dataset(
     `memory` bounds the N-SVD, which puts what does not fit into the folder `scratch`. Raises
     NacreError for samples that cannot be fitted, Cancelled on request.
     """
+    modes = modes_of(dataset.kind)
+    # To the compiled helper, occlusion is a BTF of one light.
+    samples = dataset.samples if "light" in modes else dataset.samples[None, ..., None]
     try:
         # One iteration: these bases are only a start, and more would gain little at such ranks.
         found = nacre_native.fit_nsvd(
-            dataset.samples,
-            tuple(ranks[mode] for mode in MODES),
+            samples,
+            tuple(ranks.get(mode, 1) for mode in MODES),
             iterations=1,
             threads=threads,
             memory=memory,
@@ -115,15 +114,18 @@ def reduce_dataset(
         raise NacreError(f"{dataset.path.name}: {error}") from error
     core = found["core"][0]
     bases = {mode: basis[0, :, 0] for mode, basis in zip(MODES, found["basis"], strict=True)}
+    if "light" not in modes:
+        core = core[0] * bases.pop("light").item()  # 1 or -1
     samples = core
-    for axis, mode in enumerate(MODES):
+    for axis, mode in enumerate(modes):
         if mode in clustered:
             samples = np.moveaxis(np.tensordot(bases[mode], samples, (1, axis)), 0, axis)
-    channels = dataset.shape[-1] if "light" in clustered else 1
-    lit = samples.reshape(-1, channels, *samples.shape[1:])
+    if "light" in modes:  # its rows are channels * light + channel
+        channels = dataset.sizes["channel"] if "light" in clustered else 1
+        samples = np.moveaxis(samples.reshape(-1, channels, *samples.shape[1:]), 1, -1)
     return Reduced(
-        dataset=replace(dataset, samples=np.ascontiguousarray(np.moveaxis(lit, 1, -1))),
-        projected=frozenset(MODES) - frozenset(clustered),
+        dataset=replace(dataset, samples=np.ascontiguousarray(samples)),
+        projected=frozenset(modes) - frozenset(clustered),
         core=core,
         bases=bases,
         squared_norm=float(found["squared_norm"]),
@@ -135,8 +137,8 @@ def first_ranks(dataset: Dataset, clustered: Collection[str], memory: int = 0) -
     """Ranks to begin with: all rows of clustered modes, as many of the others as memory has room
     for, and of the light mode's, which are three times the lights, few of them."""
     room = min(_NUMBERS, memory // _BYTES_A_NUMBER) if memory else _NUMBERS
-    ranks = mode_rows(dataset)
-    if "light" not in clustered:
+    ranks = mode_sizes(dataset)
+    if "light" in ranks and "light" not in clustered:
         ranks["light"] = min(ranks["light"], _LIGHTS)
     spatial = ("y", "x")
     fixed = prod(rank for mode, rank in ranks.items() if mode not in spatial)
@@ -152,13 +154,14 @@ def larger_ranks(reduced: Reduced, chosen: Mapping[str, int], error: float) -> d
     The same ranks as it has where it is good enough.
     """
     rows = {mode: basis.shape[0] for mode, basis in reduced.bases.items()}
-    ranks = {mode: basis.shape[1] for mode, basis in reduced.bases.items()}
-    unfinished = [mode for mode in MODES if ranks[mode] < rows[mode]]
+    ranks = reduced.ranks
+    modes = [*ranks]
+    unfinished = [mode for mode in modes if ranks[mode] < rows[mode]]
     short = {mode for mode in unfinished if chosen.get(mode) == ranks[mode]}
     if unfinished and reduced.lost > _LOST * error:
 
         def missing(mode: str) -> float:  # as if what is missing were like the last that is there
-            last = np.take(reduced.core, -1, axis=MODES.index(mode))
+            last = np.take(reduced.core, -1, axis=modes.index(mode))
             return float(np.vdot(last, last)) * (rows[mode] - ranks[mode])
 
         short.add(max(unfinished, key=missing))

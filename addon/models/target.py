@@ -11,7 +11,7 @@ import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import ceil, floor, log, log10
+from math import ceil, floor, inf, log, log10
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,16 @@ from ..errors import NacreError
 from .cluster_walk import walk
 from .clustered_tucker import ClusteredTucker
 from .fit import METHODS, compress, describe
-from .landing import USUAL, land_on_bytes, land_on_quality, saved_bytes
-from .precision import round_model
+from .landing import (
+    MOST,
+    USUAL,
+    land_on_bytes,
+    land_on_quality,
+    saved_bytes,
+    share_at,
+    size_at,
+)
+from .precision import SHARE, round_model
 from .rate_distortion import Truncations, truncate, truncations
 from .reduced import first_ranks, larger_ranks, reduce_dataset
 from .steps import Progress, Steps
@@ -42,10 +50,11 @@ _GENEROUS = 1.5  # ranks of a trial's fit over those that are expected to be bes
 _REGAINED = 0.25  # of a truncation's loss, by a fit at the smaller ranks, where there are clusters
 _TRIALS = 8  # numbers of clusters
 _FITS = 4  # at the chosen ranks
-_NEAR_BYTES = 0.1  # how much of the size rounding can change at next to no cost
+_SAVED, _SAVED_BYTES = 12, 2**23  # truncations that are saved to see how large their files are
 _CURVE_BYTES = 2000  # of the description, for the curve
 _ROOM = 64  # bytes for digits of the description that change after a file was measured
 _HALF_FLOATS = 60.0  # dB that the file's 16-bit numbers allow, about
+_TINY = 1e-30
 _MOST_DB = 120.0  # stands for no error at all
 
 
@@ -105,9 +114,9 @@ class _Fitted:
 
 @dataclass(frozen=True)
 class _Trial:
-    """Numbers of clusters: the truncations of a fit, and the ranks among them that seem best."""
+    """A fit's truncations, and the one among them that seems best."""
 
-    clusters: dict[str, int]
+    model: ClusteredTucker
     table: Truncations
     ranks: dict[str, int]
 
@@ -131,48 +140,45 @@ class _Search:
     options: Mapping[str, Any]
     steps: Steps
     started: float = field(default_factory=time.monotonic)
-    slope: float = 0.0
+    slope: float = 0.5
     density: float = 1.0
     regained: float = 0.0
     walked: list[dict[str, Any]] = field(default_factory=list)
 
     def begin(self) -> None:
         """N-SVD, at ranks enough for the target, and what it tells of the rest."""
-        clustered = CLUSTERED[self.method]
         ranks: dict[str, int] = {}
         shared = {name: self.options[name] for name in ("threads", "memory")}
-        larger = first_ranks(self.dataset, clustered, self.options["memory"])
+        larger = first_ranks(self.dataset, self.clustered, self.options["memory"])
         while larger != ranks:
             ranks = larger
             self.reduced = reduce_dataset(
                 self.dataset,
                 ranks,
-                clustered,
+                self.clustered,
                 **shared,
                 scratch=self.folder,
-                progress=self.steps.step(_TRIALS if clustered else 3),
+                progress=self.steps.step(_TRIALS if self.clustered else 3),
             )
             nsvd = self.reduced.nsvd
-            table = truncations(nsvd, self.reduced.lost)
-            chosen = self.choose(table)
-            if self.limit is not None:  # so far at a guess of the density
-                self.measure(truncate(nsvd, chosen or table.least), self.reduced.lost)
-                chosen = self.choose(table)
-            error = self.wanted if chosen is None else table.error_at(chosen, 0.0)
-            larger = larger_ranks(self.reduced, chosen or {}, error)
-        if chosen is None:
-            chosen = nsvd.ranks if self.limit is None else table.least
-        self.slope = table.slope(chosen)
-        self.best = _Trial({}, table, chosen)
+            start = self.untried(nsvd, self.reduced.lost)
+            self.best, error = start, self.most
+            for _ in range(2):  # with guesses of density and slope, and with what they are
+                found = self.choose(start)
+                if found is not None:
+                    self.best, _ = found
+                    self.slope = start.table.slope(self.best.ranks)
+                    error = start.table.error_at(self.best.ranks, 0.0)
+            larger = larger_ranks(self.reduced, self.best.ranks if found else {}, error)
 
     def walk(self) -> None:
         """The best numbers of clusters, from where C_n R_n is N-SVD's rank."""
-        clustered = CLUSTERED[self.method]
-        if not clustered:
+        if not self.clustered:
+            self.sketch()
             return
         self.regained = _REGAINED
-        most = {mode: self.items[mode] for mode in clustered}
-        start = {m: min(max(1, round(self.best.ranks[m] / RANK)), most[m]) for m in clustered}
+        most = {mode: self.items[mode] for mode in self.clustered}
+        start = {m: min(max(1, round(self.best.ranks[m] / RANK)), most[m]) for m in self.clustered}
         trials: dict[tuple[int, ...], _Trial] = {}
 
         def merit(clusters: dict[str, int]) -> float:
@@ -180,29 +186,44 @@ class _Search:
             trials[tuple(clusters.values())] = self.best
             return found
 
-        found = walk(merit, start, dict.fromkeys(clustered, 1), most, _TRIALS)
+        found = walk(merit, start, dict.fromkeys(self.clustered, 1), most, _TRIALS)
         self.best = trials[tuple(found.values())]
+
+    def sketch(self) -> None:
+        """The curve about the best truncation of the N-SVD, which needs no fits."""
+        trial = self.best
+        for decibels in (-2.0, -1.0, 1.0, 2.0):
+            error = trial.table.error_at(trial.ranks, 0.0) * 10.0 ** (-decibels / 10.0)
+            for ranks in trial.table.smallest(error, 0.0, 1):
+                error = trial.table.error_at(ranks, 0.0)
+                model = truncate(trial.model, ranks)
+                self.note(model, error, self.measure(model, error))
+
+    def note(self, model: ClusteredTucker, squared_error: float, size: int) -> None:
+        """Keep where a model is on the curve if it is rounded as usual."""
+        self.walked.append(_point(model, self.decibels(squared_error * (1.0 + USUAL)), size))
 
     def fit(self) -> list[_Fitted]:
         """Fits at the best ranks, until rounding can do the rest of the way to the target."""
         found: dict[tuple[int, ...], _Fitted] = {}
         for number in range(_FITS):
             trial, left = self.best, _FITS - number + 1
-            key = (*trial.clusters.values(), *trial.ranks.values())
+            clusters = trial.model.clusters
+            key = (*clusters.values(), *trial.ranks.values())
             if key in found:
                 break
-            found[key] = self.fitted(trial.ranks, trial.clusters, left)
+            found[key] = self.fitted(trial.ranks, clusters, left)
             if self.is_near(found[key]):
                 break
-            truncated = trial.table.error_at(trial.ranks, 0.0)
-            if truncated > trial.table.error:
-                gain = truncated - found[key].squared_error
-                self.regained = min(gain / (truncated - trial.table.error), 1.0)
-            chosen = self.choose(trial.table)
-            if chosen is not None:
-                self.best = replace(trial, ranks=chosen)
-            elif self.limit is None and trial.clusters:  # these clusters do not reach the target
-                more = {m: min(self.items[m], ceil(1.2 * c)) for m, c in trial.clusters.items()}
+            loss = trial.table.error_at(trial.ranks, 0.0) - trial.table.error
+            if loss > 0.0:
+                gain = loss + trial.table.error - found[key].squared_error
+                self.regained = min(gain / loss, 1.0)
+            better = self.choose(trial)
+            if better is not None:
+                self.best, _ = better
+            elif self.limit is None and clusters:  # these do not reach the target
+                more = {m: min(self.items[m], ceil(1.2 * c)) for m, c in clusters.items()}
                 self.best, _ = self.trial(more, left)
         return [*found.values()]
 
@@ -211,7 +232,8 @@ class _Search:
         best_first = sorted(found, key=lambda one: self.merit(one.squared_error, one.bytes))
         for number, fitted in enumerate(best_first):
             error, fit_db = fitted.squared_error, self.decibels(fitted.squared_error)
-            model = self.described(fitted.model, fit_db, fitted.bytes)
+            seconds = round(time.monotonic() - self.started, 3)
+            model = self.described(fitted.model, fit_db, fitted.bytes, seconds)
             rest = (self.dataset, self.folder, self.steps.step(len(found) - number))
             if self.limit is None:
                 landed = land_on_quality(model, error, fit_db, self.snr_db, *rest)
@@ -219,29 +241,51 @@ class _Search:
                 landed = land_on_bytes(model, error, self.limit - _ROOM, *rest)
             if landed is not None:
                 model, snr_db = landed[0], min(landed[1], _MOST_DB)
-                size = saved_bytes(self.described(model, snr_db, fitted.bytes), self.folder)
-                return self.described(model, snr_db, size)
+                seconds = round(time.monotonic() - self.started, 3)
+                size = fitted.bytes
+                for _ in range(3):  # the size is in the file, and its digits count
+                    model = self.described(model, snr_db, size, seconds)
+                    size = saved_bytes(model, self.folder)
+                return self.described(model, snr_db, size, seconds)
         raise self.out_of_reach(found)
 
-    def choose(self, table: Truncations) -> dict[str, int] | None:
-        """The ranks that are best for the target, as far as is known; None out of reach."""
+    def choose(self, trial: _Trial) -> tuple[_Trial, float] | None:
+        """The truncation that is best for the target, as far as is known, and its merit.
+
+        Numbers alone say only about how large a file is, so the first few truncations are saved.
+        None where the target is out of reach.
+        """
+        table = trial.table
         if self.limit is None:
-            return table.smallest(self.wanted, self.regained)
-        room = self.limit - _CURVE_BYTES - self.description_bytes
-        return table.closest(room / self.density, self.regained)
+            found = table.smallest(self.most / (1.0 + USUAL / 3.0), self.regained, _SAVED)
+        else:
+            room = max(self.limit - self.beside, 0) / self.density
+            found = table.closest(room, self.regained, _SAVED)
+        judged = []
+        for ranks in found:
+            error = table.error_at(ranks, self.regained)
+            size = self.measure(truncate(trial.model, ranks), error)
+            judged.append((self.merit(error, size), size, ranks))
+            if size * len(judged) > _SAVED_BYTES:
+                break
+        if not judged:
+            return None
+        merit, size, ranks = min(judged, key=lambda one: one[0])
+        self.density = (size - self.beside) / table.numbers_at(ranks)
+        return replace(trial, ranks=ranks), merit
+
+    def untried(self, model: ClusteredTucker, squared_error: float) -> _Trial:
+        """A fit whose best truncation is unknown: the one that comes nearest to any target."""
+        table = truncations(model, squared_error)
+        return _Trial(model, table, model.ranks if self.limit is None else table.least)
 
     def trial(self, clusters: dict[str, int], left: int) -> tuple[_Trial, float]:
-        """A fit at ranks above those of the last trial, and how good its best truncation is."""
+        """A fit at ranks above those of the last trial, and the merit of its best truncation."""
         most = self.reduced.ranks
         ranks = {m: min(most[m], 4 * ceil(_GENEROUS * r / 4)) for m, r in self.best.ranks.items()}
         fitted = self.fitted(ranks, clusters, left)
-        table = truncations(fitted.model, fitted.squared_error)
-        chosen = self.choose(table)
-        if chosen is None:
-            chosen = fitted.model.ranks if self.limit is None else table.least
-        error = table.error_at(chosen, self.regained)
-        size = self.measure(truncate(fitted.model, chosen), error)
-        return _Trial(clusters, table, chosen), self.merit(error, size)
+        trial = self.untried(fitted.model, fitted.squared_error)
+        return self.choose(trial) or (trial, self.merit(fitted.squared_error, fitted.bytes))
 
     def fitted(self, ranks: Mapping[str, int], clusters: Mapping[str, int], left: int) -> _Fitted:
         """A fit; about `left` parts of the work are left with it."""
@@ -262,28 +306,41 @@ class _Search:
         )
         error = model.fit["errors"][-1] * self.reduced.squared_norm
         size = self.measure(model, error)
-        self.walked.append(_point(model, self.decibels(error * (1.0 + USUAL)), size))
+        self.note(model, error, size)
         return _Fitted(model, error, size)
 
     def measure(self, model: ClusteredTucker, squared_error: float) -> int:
         """The size of a model's file if it is rounded as usual."""
-        size = saved_bytes(round_model(model, squared_error, USUAL), self.folder)
-        numbers = model.core.size + sum(basis.size for basis in model.bases.values())
-        self.density = max(size - self.description_bytes, 1) / numbers
-        return size
+        return saved_bytes(round_model(model, squared_error, USUAL), self.folder)
 
     def merit(self, squared_error: float, size: int) -> float:
-        """The lower the better; to move along the curve changes nothing."""
-        return log(size) - self.slope * self.decibels(squared_error)
+        """How good a fit will be once it is rounded to the target; the lower the better.
+
+        squared_error  before rounding
+        size           in bytes if it is rounded as usual
+        Either the logarithm of the size at the wanted quality, or the error in dB at the wanted
+        size. What no rounding brings to the target is judged along the curve.
+        """
+        if self.limit is None:
+            share = self.most / max(squared_error, _TINY) - 1.0
+            lacking = max(-10.0 * log10(max(1.0 + share, _TINY)), 0.0)
+            landed = log(size * size_at(min(max(share, SHARE), MOST)))
+            return landed + self.slope * lacking
+        share = min(max(share_at(self.limit / size), SHARE), MOST)
+        excess = max(log(size * size_at(share) / self.limit), 0.0)
+        return excess / self.slope - self.decibels(squared_error * (1.0 + share))
 
     def is_near(self, fitted: _Fitted) -> bool:
         """Whether rounding gets a fit to the target, and not by much more or less than usual."""
-        if self.limit is not None:
-            return abs(log(fitted.bytes / self.limit)) < _NEAR_BYTES
-        share = self.wanted * (1.0 + USUAL) / max(fitted.squared_error, 1e-30) - 1.0
-        return USUAL / 4.0 < share < USUAL * 2.5
+        if self.limit is None:
+            share = self.most / max(fitted.squared_error, _TINY) - 1.0
+        else:
+            share = share_at(self.limit / fitted.bytes)
+        return USUAL / 2.0 < share < USUAL * 2.5
 
-    def described(self, model: ClusteredTucker, snr_db: float, size: int) -> ClusteredTucker:
+    def described(
+        self, model: ClusteredTucker, snr_db: float, size: int, seconds: float
+    ) -> ClusteredTucker:
         """A model that says how it was made, how good it is, and where that is on the curve."""
         target = {"snr_db": self.snr_db}
         if self.limit is not None:
@@ -293,7 +350,7 @@ class _Search:
         fit = {
             **{key: model.fit[key] for key in kept},
             "snr_db": round(snr_db, 4),
-            "seconds": round(time.monotonic() - self.started, 3),
+            "seconds": seconds,
             "target": target,
             "rate_distortion": sorted(curve, key=lambda point: point["bytes"]),
         }
@@ -320,20 +377,26 @@ class _Search:
         return -10.0 * log10(max(relative, 10.0 ** (-_MOST_DB / 10.0)))
 
     @property
-    def description_bytes(self) -> int:
-        """About what a file holds beside its numbers."""
+    def beside(self) -> int:
+        """About how many bytes a file has beside its numbers."""
         return len(json.dumps(describe(self.dataset)))
+
+    @property
+    def clustered(self) -> tuple[str, ...]:
+        """The modes that the method clusters, as far as the dataset has them."""
+        return tuple(mode for mode in CLUSTERED[self.method] if mode in self.dataset.axes)
 
     @property
     def items(self) -> dict[str, int]:
         """How many members clusters may have; the colour rows of a light are one."""
-        lights, views, height, width, _ = self.dataset.shape
-        return {"light": lights, "view": views, "y": height, "x": width}
+        return self.dataset.sizes
 
     @property
-    def wanted(self) -> float:
-        """The squared error of a fit that is at the target once it is rounded as usual."""
-        return self.reduced.squared_norm * 10.0 ** (-self.snr_db / 10.0) / (1.0 + USUAL)
+    def most(self) -> float:
+        """The largest squared error that is good enough."""
+        if self.limit is not None:
+            return inf
+        return self.reduced.squared_norm * 10.0 ** (-self.snr_db / 10.0)
 
 
 def _point(model: ClusteredTucker, snr_db: float, size: int) -> dict[str, Any]:

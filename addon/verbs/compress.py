@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ..models.clustered_tucker import ClusteredTucker
 
 ENCODINGS = {"distance": "signed-distance", "mask": "mask"}
+_BY_HAND = ("quality", "ranks", "clusters", "mixtures", "resume")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,10 +23,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--method", default="kcta", help="nsvd, cta, kcta (default) or mkcta")
     target = parser.add_mutually_exclusive_group()
     target.add_argument(
-        "--target-db", type=above_0, metavar="DB", help="the smallest model of this SNR"
+        "--target-db", type=above_0, metavar="DB", help="the smallest model of this quality (SNR)"
     )
     target.add_argument(
-        "--target-mb", type=above_0, metavar="MB", help="the best model in a file of 10^6 bytes"
+        "--target-mb", type=above_0, metavar="MB", help="the best model whose file has this size"
     )
     parser.add_argument(
         "--quality", help="draft, medium (default) or high: what is not given below"
@@ -49,6 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--coarse",
         type=from_1,
+        default=1,
         metavar="N",
         help="begin with texels averaged over N along x and y: faster for large patches",
     )
@@ -66,6 +68,7 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..datasets.dataset import open_dataset
     from ..datasets.occlusion import with_value
     from ..models.exr import check_destination, save_model
+    from ..models.fit import METHODS
     from .info import describe_model
 
     dataset = open_dataset(options.dataset)
@@ -74,41 +77,51 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     elif options.encoding:
         raise NacreError(f"{options.dataset}: --encoding is for occlusion")
     check_destination(options.model)
+    if options.method not in METHODS:
+        raise NacreError(f"method {options.method!r}: expected one of {', '.join(METHODS)}")
+    modes = options.global_modes
+    shared = {
+        "global_modes": modes if modes is None else tuple(filter(None, modes.split(","))),
+        "search": options.search,
+        "seed": options.seed,
+        "threads": options.threads,
+        "memory": options.memory,
+        "progress": progress,
+    }
     by_target = options.target_db is not None or options.target_mb is not None
-    model = (_by_target if by_target else _by_settings)(dataset, options, progress)
+    model = (_by_target if by_target else _by_settings)(dataset, options, shared)
     save_model(model, options.model)
     return describe_model(model, options.model)
 
 
 def _by_target(
-    dataset: Dataset, options: argparse.Namespace, progress: Progress
+    dataset: Dataset, options: argparse.Namespace, shared: dict[str, Any]
 ) -> ClusteredTucker:
     from ..models.target import compress_to_target
 
-    for name in ("quality", "ranks", "clusters", "mixtures", "coarse", "resume"):
-        if getattr(options, name):
-            raise NacreError(f"--{name} does not go with a target, which chooses by itself")
+    given = {name: getattr(options, name) for name in _BY_HAND} | {"coarse": options.coarse > 1}
+    for name, value in given.items():
+        if value:
+            raise NacreError(f"--{name} does not go with a target: leave one of them out")
     return compress_to_target(
         dataset,
         options.method,
         snr_db=options.target_db,
         megabytes=options.target_mb,
         folder=options.model.parent,
-        **_shared(options, progress),
+        **shared,
     )
 
 
 def _by_settings(
-    dataset: Dataset, options: argparse.Namespace, progress: Progress
+    dataset: Dataset, options: argparse.Namespace, shared: dict[str, Any]
 ) -> ClusteredTucker:
-    from ..models.fit import METHODS, QUALITIES, compress, quality_settings
+    from ..models.fit import QUALITIES, compress, quality_settings
 
     quality = (options.quality or "medium").upper()
     if quality not in QUALITIES:
         raise NacreError(f"quality {options.quality!r}: expected draft, medium or high")
-    if options.method not in METHODS:
-        raise NacreError(f"method {options.method!r}: expected one of {', '.join(METHODS)}")
-    settings: dict[str, Any] = {**quality_settings(dataset, options.method, quality)}
+    settings: dict[str, Any] = quality_settings(dataset, options.method, quality)
     if options.clusters:  # they say which modes are clustered
         most = max(settings.get("mixtures", {"": 1}).values())
         settings["clusters"] = options.clusters
@@ -119,21 +132,8 @@ def _by_settings(
         dataset,
         options.method,
         **settings,
-        coarse=options.coarse or 1,
+        coarse=options.coarse,
         state=options.model.with_name(f".{options.model.name}.fit"),
         resume=options.resume,
-        **_shared(options, progress),
+        **shared,
     )
-
-
-def _shared(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """What every fit is told."""
-    modes = options.global_modes
-    return {
-        "global_modes": modes if modes is None else tuple(filter(None, modes.split(","))),
-        "search": options.search,
-        "seed": options.seed,
-        "threads": options.threads,
-        "memory": options.memory,
-        "progress": progress,
-    }
