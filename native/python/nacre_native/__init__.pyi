@@ -32,7 +32,9 @@ class NsvdModel(TypedDict):
     passes: float  # how often the samples were read: values read over values there are
 
 class ClusteredModel(TypedDict):
-    core: NDArray[np.float32]  # (product of C, RL, RV, RY, RX), clusters in mode order, last fastest
+    core: NDArray[
+        np.float32
+    ]  # (product of C, RL, RV, RY, RX), clusters in mode order, last fastest
     # (owners, I, K, R) of each mode: owners are the combinations of the other clustered modes'
     # clusters, 1 for a global basis; K is 1 unless the mode is clustered
     basis: list[NDArray[np.float32]]
