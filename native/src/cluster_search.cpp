@@ -237,6 +237,7 @@ MatrixD inverse_factor(const MatrixD& gram) {
         if (gram(i, i) > 0) used.push_back(i);
     }
     const Index n = static_cast<Index>(used.size());
+    if (n == 0) return MatrixD::Zero(gram.rows(), 0);
     VectorD scale(n);
     MatrixD correlation(n, n);
     for (Index i = 0; i < n; ++i) scale(i) = 1 / std::sqrt(gram(used[at(i)], used[at(i)]));
@@ -252,7 +253,7 @@ MatrixD inverse_factor(const MatrixD& gram) {
         cholesky.matrixLLT().diagonal().array().square().minCoeff() > kDependent) {
         inverse = MatrixD::Identity(n, n);
         cholesky.matrixU().solveInPlace(inverse);
-    } else if (n > 0) {
+    } else {
         const Eigen::SelfAdjointEigenSolver<MatrixD> solver(correlation);
         const auto& values = solver.eigenvalues();  // ascending
         Index first = 0;
