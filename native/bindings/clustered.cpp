@@ -253,7 +253,8 @@ Raises ValueError (one line that names the argument) and Cancelled.)");
     module.def(
         "core_gram", &core_gram_of, py::arg("core"), py::arg("basis"), py::kw_only(),
         py::arg("clustered") = 1, py::arg("threads") = 0,
-        R"(Gram matrix of the clusters of a model of one clustered mode, as fit_clustered returns it,, for search_clusters.
+        R"(Gram matrix of the clusters of a model of one clustered mode, as fit_clustered returns it,
+for search_clusters.
 
 core (C, R0, ..., RN), basis: list of (1 or C, I, 1, R) arrays (that of the clustered mode is not
 looked at). Returns (C, C, R, R): gram[j, c] = ufm(Z_j^(c)) ufm(Z_c)^T, Eqs. 14 and 17.)");
