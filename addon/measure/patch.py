@@ -46,9 +46,7 @@ def place(scene: bpy.types.Scene, patch: Patch, slope: float) -> float:
     return max(float(high[2]), 0.0)
 
 
-def _instance(
-    scene: bpy.types.Scene, collection: bpy.types.Collection, x: float, y: float
-) -> None:
+def _instance(scene: bpy.types.Scene, collection: bpy.types.Collection, x: float, y: float) -> None:
     item = bpy.data.objects.new("Patch", None)
     item.instance_type, item.instance_collection = "COLLECTION", collection
     # An instance is moved back by the collection's offset; the patch is where it is in the world.

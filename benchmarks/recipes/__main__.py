@@ -53,9 +53,7 @@ def main() -> None:
             found = f"{mask.mean():.1%} covered"
         else:
             samples = options.samples or BTFS[name]
-            dataset = measure_btf(
-                patch, path, light, view, texels=options.texels, samples=samples
-            )
+            dataset = measure_btf(patch, path, light, view, texels=options.texels, samples=samples)
             btf_sheet(dataset.samples, path.with_suffix(".png"))
             found = f"noise floor {dataset.noise_floor_db} dB"
         print(f"{name}: {found}, {time.monotonic() - begun:.0f} s", flush=True)

@@ -28,9 +28,7 @@ def write_png(linear: np.ndarray, path: Path) -> None:
     height, width, _ = linear.shape
     value = np.clip(linear, 0.0, 1.0)
     rgba = np.ones((height, width, 4), np.float32)
-    rgba[..., :3] = np.where(
-        value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055
-    )
+    rgba[..., :3] = np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
     image = bpy.data.images.new("sheet", width, height)
     image.pixels.foreach_set(rgba.ravel())
     image.file_format, image.filepath_raw = "PNG", str(path)
