@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 
 from ..errors import NacreError
-from ..shaders import shader_text
+from ..shader_files import shader_text
 
 SHADER = "hemisphere_camera.osl"
 

@@ -25,13 +25,12 @@ def new_mesh(
 ) -> bpy.types.Mesh:
     """A smooth mesh of points (n, 3) in metres, faces (m, 3 or 4) and linear colours (n, 3)."""
     mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(points.tolist(), [], faces.tolist())
+    mesh.from_pydata(points.tolist(), [], faces.tolist(), shade_flat=False)
     rgba = np.ones((len(points), 4), np.float32)
     rgba[:, :3] = colours
     layer = mesh.color_attributes.new("Col", "FLOAT_COLOR", "POINT")
     layer.data.foreach_set("color", rgba.ravel())
     mesh.materials.append(material)
-    mesh.shade_smooth()
     return mesh
 
 
