@@ -25,7 +25,7 @@ def test_progress_rises_to_one_on_the_calling_thread(samples, fit, threads):
         return {message for _, message in seen}
 
     messages = follow(lambda p: fit(progress=p, threads=threads, **ARGUMENTS))
-    assert {"First clusters", "Iteration 1"} <= messages
+    assert {"First clusters", "Iteration 1: clustering"} <= messages
     messages = follow(
         lambda p: nacre_native.fit_nsvd(samples, progress=p, threads=threads, **ARGUMENTS)
     )

@@ -95,7 +95,7 @@ def test_full_ranks_leave_nothing(problem):
     arguments["ranks"] = (light * channel, view, y, x)
     model = fit(samples, arguments)
     check_model(samples, arguments, model)
-    assert model["errors"][-1] < 1e-9
+    assert model["errors"][-1] < 1e-6  # the energy that single precision sums lose
 
 
 @stable
@@ -128,7 +128,8 @@ def test_order_of_the_items_does_not_matter(problem, data):
     start["members"][mode] = start["members"][mode][order]
     start["basis"][mode] = start["basis"][mode][:, rows]
     moved = fit(np.ascontiguousarray(np.take(samples, order, axis=mode)), arguments, start=start)
-    assert moved["errors"] == pytest.approx(model["errors"], rel=1e-4, abs=1e-7)
+    # An iteration that changes nothing may, by rounding, count as a rise and be taken back.
+    assert moved["errors"][-1] == pytest.approx(model["errors"][-1], rel=1e-4, abs=1e-7)
     for clustered in arguments["clusters"]:
         expected = model["members"][clustered]
         expected = expected[order] if clustered == mode else expected
