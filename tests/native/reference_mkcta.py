@@ -72,7 +72,7 @@ class Fit:
                 if not first:
                     own = self.bases[c][mode][where[mode].ravel()]
                     bases[mode] = orthonormal(own) if mode in self.members else own
-            for sweep in range(sweeps + first):  # the first one is the truncated HOSVD
+            for _sweep in range(sweeps + first):  # the first one is the truncated HOSVD
                 for mode in self.modes:
                     bases[mode] = leading(project(block, bases, mode), mode, self.ranks[mode])
             self.core[c] = project(block, bases)

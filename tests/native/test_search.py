@@ -8,7 +8,6 @@ import pytest
 
 from . import reference
 
-
 SEARCHES = ("kcta", "greedy", "optimal")
 
 
