@@ -195,7 +195,9 @@ def kcta(samples, ranks, seeds, mixtures, iterations):
             for i, (chosen, coefficients) in enumerate(found):
                 if c in chosen:
                     cluster.mixing[i] = coefficients[chosen.index(c)]
-        order = batched(range(len(clusters)), lambda c, d: any({c, d} <= {*m} for m in members))
+        order = batched(
+            range(len(clusters)), lambda c, d, members=members: any({c, d} <= {*m} for m in members)
+        )
         for c in order:
             rows = np.array([i for i, chosen in enumerate(members) if c in chosen])
             update(a, clusters, c, rows, ranks, sweeps=1)
