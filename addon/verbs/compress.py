@@ -52,6 +52,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="begin with texels averaged over N along x and y: faster for large patches",
     )
+    parser.add_argument(
+        "--domain",
+        default="linear",
+        help="log fits log luminance with chroma: errors alike in the dark and in the light",
+    )
     parser.add_argument("--seed", type=from_0, default=0)
     parser.add_argument("--threads", type=from_0, default=0, help="0 for every core")
     parser.add_argument(
@@ -88,6 +93,8 @@ def _by_target(
     for name in ("quality", "ranks", "clusters", "mixtures", "coarse", "resume"):
         if getattr(options, name):
             raise NacreError(f"--{name} does not go with a target, which chooses by itself")
+    if options.domain != "linear":
+        raise NacreError("--domain does not go with a target, which is of linear values")
     return compress_to_target(
         dataset,
         options.method,
@@ -120,6 +127,7 @@ def _by_settings(
         options.method,
         **settings,
         coarse=options.coarse or 1,
+        domain=options.domain,
         state=options.model.with_name(f".{options.model.name}.fit"),
         resume=options.resume,
         **_shared(options, progress),
