@@ -240,6 +240,7 @@ kcta for one clustered mode, else optimal for K < 3 and greedy beyond. iteration
 when neither the sum of core norms nor the error changes by more than this part, or when the error
 would rise. The same seed gives the same bits for any threads (0: all). memory: bytes that the process
 may have in anonymous memory (0: any), beyond which large tensors go to files in the folder scratch.
+domain: as of fit_nsvd.
 start: a model to begin with, as returned or as given to checkpoint(model), which is called after each
 iteration that another follows; with the latter the fit ends as if it had not been interrupted.
 progress(fraction, message) returns False to stop.

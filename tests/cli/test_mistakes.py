@@ -66,6 +66,8 @@ MISTAKES = [
     # settings that do not fit the dataset
     ("compress small.nacre m.exr --method svd", "'svd'", "nsvd, cta, kcta"),
     ("compress small.nacre m.exr --quality best", "'best'", "draft, medium or high"),
+    ("compress small.nacre m.exr --domain lab", "'lab'", "linear, log"),
+    ("compress small.nacre m.exr --domain log --target-db 5", "--domain", "linear"),
     ("compress small.nacre m.exr --ranks light=19", "light=19", "18 rows"),
     ("compress small.nacre m.exr --ranks z=1", "'z'", "light, view, y, x"),
     ("compress small.nacre m.exr --clusters view=8", "view=8", "the 7 of"),

@@ -12,7 +12,7 @@ The same arguments give the same bits for any number of threads (0: all).
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal, TypedDict
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -53,7 +53,7 @@ def fit_nsvd(
     threads: int = 0,
     memory: int = 0,
     scratch: str = "",
-    domain: Literal["linear", "log"] = "linear",
+    domain: str = "linear",
     start: NsvdModel | None = None,
     checkpoint: Callable[[NsvdModel], object] | None = None,
     progress: Callable[[float, str], bool] | None = None,
@@ -89,6 +89,7 @@ def fit_clustered(
     threads: int = 0,
     memory: int = 0,
     scratch: str = "",
+    domain: str = "linear",
     start: Mapping[str, Any] | None = None,
     checkpoint: Callable[[dict[str, Any]], object] | None = None,
     progress: Callable[[float, str], bool] | None = None,
