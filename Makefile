@@ -55,6 +55,7 @@ acceptance: setup ## Run the long tests that `make test` leaves out
 	$(PYTHON) -m pytest -m acceptance
 
 bench: .venv ## Run every benchmark
+	@$(PYTHON) -m pip install --quiet --disable-pip-version-check -r requirements/bench.txt
 	@for file in benchmarks/[!_]*.py; do $(PYTHON) -m "benchmarks.$$(basename "$$file" .py)" || exit; done
 
 # EXTRA_WHEELS is a folder with wheels of native/ built elsewhere, for Pythons that are not here.

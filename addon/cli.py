@@ -60,6 +60,8 @@ def _lines(result: dict[str, Any], indent: str = "") -> list[str]:
     for key, value in result.items():
         if isinstance(value, dict):
             lines += [f"{indent}{key}", *_lines(value, indent + "  ")]
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            lines += [f"{indent}{key}", *(f"{indent}  {json.dumps(item)}" for item in value)]
         else:
             lines.append(f"{indent}{key:<16} {value}")
     return lines

@@ -2,9 +2,10 @@
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from .datasets.dataset import Dataset, open_dataset
 from .datasets.importing import describe_source
@@ -24,11 +25,11 @@ def dataset_facts(path: str) -> str:
 
     def describe() -> dict[str, str]:
         dataset = open_dataset(path)
-        lights, views, height, width, _ = dataset.shape
+        sizes = dataset.sizes
         return {
             "Name": dataset.path.name,
-            "Directions": _directions(lights, views),
-            "Texels": f"{width} × {height}",
+            "Directions": _directions(sizes),
+            "Texels": f"{sizes['x']} × {sizes['y']}",
             "Size": size_text(dataset.samples.nbytes),
         }
 
@@ -70,7 +71,7 @@ def _source_facts(path: str, cosine: int | None, _changed: int, _size: int) -> s
         source = describe_source(path, cosine=cosine)
         samples = source["samples_bytes"]
         return {
-            "Directions": _directions(source["light"], source["view"]),
+            "Directions": _directions(source),
             "Texels": f"{source['width']} × {source['height']}",
             "File": size_text(source["bytes"]),
             "On Disk": size_text(samples),
@@ -84,15 +85,16 @@ def expected_model(dataset: Dataset, settings: dict[str, dict[str, int]]) -> str
     """What `compress` with these settings would save at most: half floats for core and bases, a
     number for each item's clusters; the light basis is shared.
     """
-    lights, views, height, width, channels = dataset.shape
-    rows = {"light": channels * lights, "view": views, "y": height, "x": width}
+    from .models.fit import mode_sizes
+
+    rows = mode_sizes(dataset)
     clusters = math.prod(settings.get("clusters", {}).values())
     mixtures = math.prod(settings.get("mixtures", {}).values())
     owners = {"light": 1, "view": mixtures, "y": clusters, "x": clusters}
     ranks = settings["ranks"]
     halves = clusters * math.prod(ranks.values())
     halves += sum(owners[mode] * rows[mode] * ranks[mode] for mode in rows)
-    size = 2 * halves + 4 * views * mixtures
+    size = 2 * halves + 4 * rows["view"] * mixtures
     return f"up to {size_text(size)} (1 : {round(dataset.raw_bytes / size)})"
 
 
@@ -105,8 +107,9 @@ def size_text(size: float) -> str:
     return f"{max(size, 1) / 1e3:.0f} kB"
 
 
-def _directions(lights: int, views: int) -> str:
-    return f"{lights} lights × {views} views"
+def _directions(sizes: Mapping[str, Any]) -> str:
+    """81 lights × 81 views; of occlusion the views alone."""
+    return " × ".join(f"{sizes[axis]} {axis}s" for axis in ("light", "view") if axis in sizes)
 
 
 def _facts(describe: Callable[[], dict[str, str]], path: str) -> str:

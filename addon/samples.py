@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .datasets.dataset import DESCRIPTION, open_dataset
+from .datasets.dataset import DESCRIPTION, KINDS, open_dataset
 from .errors import NacreError
 
 BLOCK_BYTES = 32 * 2**20
@@ -19,11 +19,15 @@ BLOCK_BYTES = 32 * 2**20
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples of some shape; `read` gives a slice along the first axis; bytes are the files'."""
+    """Samples of some shape; `read` gives a slice along the first axis; bytes are the files'.
+
+    value is "mask" or "signed-distance" of occlusion, "" of anything else.
+    """
 
     shape: tuple[int, ...]
     read: Callable[[slice], NDArray[np.floating]]
     bytes: int
+    value: str = ""
 
 
 def open_samples(path: Path) -> Samples:
@@ -34,7 +38,7 @@ def open_samples(path: Path) -> Samples:
     if (path / DESCRIPTION).is_file():
         dataset = open_dataset(path)
         size = sum(item.stat().st_size for item in path.iterdir())
-        return Samples(dataset.shape, dataset.samples.__getitem__, size)
+        return Samples(dataset.shape, dataset.samples.__getitem__, size, dataset.value)
     if not path.is_file():
         raise NacreError(f"{path}: no such file or dataset")
     kind = path.suffix.lower()
@@ -48,7 +52,13 @@ def open_samples(path: Path) -> Samples:
 
     if is_model(path):
         model = load_model(path)
-        return Samples(model.shape, model.decode, size)
+        first = KINDS[model.kind][0]
+        return Samples(
+            model.shape,
+            lambda part: model.decode(**{first: part}),
+            size,
+            model.dataset.get("value", ""),
+        )
     picture = read_picture(path)
     return Samples(picture.shape, picture.__getitem__, size)
 

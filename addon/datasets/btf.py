@@ -27,6 +27,7 @@ from .source import BLOCK_BYTES, DEFAULT_PATCH_WIDTH, Source, assumed_patch_size
 
 FORMAT = "btf"
 EXTENSIONS = (".btf",)
+OPTION = "cosine"
 
 # Signature: whether rotations of local frames follow the image size.
 _DFMF = {b"!DFMF08FCR": True, b"!DFMF08FC": False}

@@ -1,8 +1,9 @@
 """The dataset folder `NAME.nacre`: `samples.npy` and `dataset.json`, opened without loading them.
 
 A BTF has the axes (light, view, y, x, channel), y growing upward. Values are linear Rec.709:
-outgoing radiance over that of a white perfect diffuser lit head-on by the same light. Samples are
-float16 or float32 in C order.
+outgoing radiance over that of a white perfect diffuser lit head-on by the same light. Occlusion has
+the axes (view, y, x); its values are masks or signed distances, and `occlusion` says which sign is
+covered. Samples are float16 or float32 in C order.
 """
 
 import errno
@@ -24,6 +25,14 @@ from numpy.typing import DTypeLike
 from ..errors import NacreError
 
 AXES = ("light", "view", "y", "x", "channel")
+"""The axes of a BTF."""
+
+KINDS = {"btf": AXES, "occlusion": ("view", "y", "x")}
+"""The axes of each kind of dataset."""
+
+VALUES = ("mask", "signed-distance")
+"""What the samples of occlusion may be."""
+
 DTYPES = (np.dtype("<f2"), np.dtype("<f4"))
 DESCRIPTION = "dataset.json"
 SAMPLES = "samples.npy"
@@ -40,8 +49,9 @@ class Dataset:
     """A dataset on disk.
 
     light (L, 3) and view (V, 3) are float64 unit vectors away from the surface; patch_size is
-    (width, height) in metres; samples is a read-only memory map (L, V, Y, X, C) of float16 or
-    float32; source is {"format", "file", "conversions"}.
+    (width, height) in metres; samples is a read-only memory map of float16 or float32 with the axes
+    of the kind; source is {"format", "file", "conversions"}. What a kind lacks is empty: light
+    (0, 3) and channels of occlusion, value of a BTF.
     """
 
     path: Path
@@ -50,6 +60,7 @@ class Dataset:
     light: np.ndarray
     view: np.ndarray
     channels: tuple[str, ...]
+    value: str
     patch_size: tuple[float, float]
     periodic: bool
     noise_floor_db: float | None
@@ -59,6 +70,11 @@ class Dataset:
     @property
     def shape(self) -> tuple[int, ...]:
         return self.samples.shape
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """The length of each axis."""
+        return dict(zip(self.axes, self.samples.shape, strict=True))
 
     @property
     def raw_bytes(self) -> int:
@@ -98,8 +114,8 @@ class DatasetWriter:
 
     Samples go to a temporary folder beside `path`, which takes the place of `path` (also of an
     older dataset there) when the block ends without an error; otherwise nothing is left.
-    `description` is the content of dataset.json, `shape` (L, V, Y, X, C), `dtype` float16 or
-    float32. Raises NacreError when the folder cannot be written or the disk is full.
+    `description` is the content of dataset.json, `shape` the length of each of its axes, `dtype`
+    float16 or float32. Raises NacreError when the folder cannot be written or the disk is full.
     """
 
     def __init__(
@@ -116,7 +132,7 @@ class DatasetWriter:
         self.dtype = np.dtype(dtype).newbyteorder("<")
         if self.dtype not in DTYPES:
             raise ValueError(f"dtype: expected float16 or float32, found {self.dtype}")
-        _check_description(description, self.shape, self.path.name)
+        self._axes = _check_description(description, self.shape, self.path.name)["axes"]
         self._description = description
         self._total = math.prod(self.shape)
         self._written = 0
@@ -200,7 +216,7 @@ class DatasetWriter:
     def _value_error(self, block: np.ndarray, stored: np.ndarray) -> NacreError:
         offset = int(np.argmin(np.isfinite(stored).reshape(-1)))
         index = np.unravel_index(self._written + offset, self.shape)
-        place = ", ".join(f"{axis} {i}" for axis, i in zip(AXES, index, strict=True))
+        place = ", ".join(f"{axis} {i}" for axis, i in zip(self._axes, index, strict=True))
         value = block.reshape(-1)[offset]
         if np.isfinite(value):
             return HalfOverflowError(
@@ -262,8 +278,8 @@ def _map_samples(path: Path) -> np.ndarray:
         size = os.fstat(file.fileno()).st_size
     if fortran_order or dtype not in DTYPES:
         raise NacreError(f"{path.parent.name}: {SAMPLES} is not float16 or float32 in C order")
-    if len(shape) != len(AXES) or min(shape) < 1:
-        raise NacreError(f"{path.parent.name}: {SAMPLES} has shape {shape}, not five axes")
+    if min(shape, default=0) < 1:
+        raise NacreError(f"{path.parent.name}: {SAMPLES} has shape {shape}, which holds nothing")
     expected = start + math.prod(shape) * dtype.itemsize
     if size < expected:
         raise NacreError(
@@ -286,22 +302,35 @@ def _check_description(description: Any, shape: tuple[int, ...], name: str) -> d
     require(isinstance(description, dict), "does not hold a JSON object")
     require("nacre" in description, "has no version under nacre")
     require(description["nacre"] == 1, "was written by a newer Nacre: update the extension")
-    missing = _KEYS - description.keys()
+    kind = description.get("kind")
+    kinds = ", ".join(KINDS)
+    require(isinstance(kind, str) and kind in KINDS, f"is of the kind {kind!r}: expected {kinds}")
+    axes = KINDS[kind]
+    keys = _KEYS | _OWN_KEYS[kind]
+    missing = keys - description.keys()
     require(not missing, f"lacks {', '.join(sorted(missing))}")
-    require(description["kind"] == "btf", f"is of the kind {description['kind']!r}, not btf")
-    require(description["axes"] == list(AXES), f"has other axes than {', '.join(AXES)}")
-    light = _directions(description, "light", name)
-    view = _directions(description, "view", name)
-    channels = description["channels"]
+    require(description["axes"] == list(axes), f"has other axes than {', '.join(axes)}")
+    light, view = (
+        _directions(description, axis, name) if axis in keys else np.zeros((0, 3))
+        for axis in ("light", "view")
+    )
+    channels = description["channels"] if "channels" in keys else []
     require(
         isinstance(channels, list) and all(isinstance(channel, str) for channel in channels),
         "has channels that are not names",
     )
+    listed = {"light": len(light), "view": len(view), "channel": len(channels)}
+    listed = {axis: count for axis, count in listed.items() if axis in axes}
+    sizes = dict(zip(axes, shape, strict=False))
     require(
-        len(shape) == len(AXES)
-        and (len(light), len(view), len(channels)) == (*shape[:2], shape[4]),
-        f"lists {len(light)} lights, {len(view)} views and {len(channels)} channels, but the "
-        f"samples have shape {shape}",
+        len(shape) == len(axes) and all(sizes[axis] == count for axis, count in listed.items()),
+        f"lists {', '.join(f'{count} {axis}s' for axis, count in listed.items())}, but the samples "
+        f"have shape {shape}",
+    )
+    value = description["value"] if "value" in keys else ""
+    require(
+        "value" not in keys or value in VALUES,
+        f"has the value {value!r}: expected {' or '.join(VALUES)}",
     )
     patch = description["patch_size"]
     require(
@@ -313,11 +342,12 @@ def _check_description(description: Any, shape: tuple[int, ...], name: str) -> d
     require(noise is None or _is_number(noise), "has a noise_floor_db that is not a number")
     require(isinstance(description["source"], dict), "has a source that is not an object")
     return {
-        "kind": description["kind"],
-        "axes": AXES,
+        "kind": kind,
+        "axes": axes,
         "light": light,
         "view": view,
         "channels": tuple(channels),
+        "value": value,
         "patch_size": (float(patch[0]), float(patch[1])),
         "periodic": description["periodic"],
         "noise_floor_db": noise,
@@ -325,10 +355,8 @@ def _check_description(description: Any, shape: tuple[int, ...], name: str) -> d
     }
 
 
-_KEYS = {
-    "kind", "axes", "light", "view", "channels", "patch_size", "periodic", "noise_floor_db",
-    "source",
-}  # fmt: skip
+_KEYS = {"kind", "axes", "patch_size", "periodic", "noise_floor_db", "source"}
+_OWN_KEYS = {"btf": {"light", "view", "channels"}, "occlusion": {"view", "value"}}
 
 
 def _is_number(value: object) -> bool:

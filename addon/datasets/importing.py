@@ -1,4 +1,4 @@
-"""Any supported file of measured appearance to a dataset folder."""
+"""Any supported file of measured appearance, or of occlusion masks, to a dataset folder."""
 
 import os
 from collections.abc import Callable
@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from ..errors import Cancelled, NacreError
-from . import btf, ubo2003
+from . import btf, masks, ubo2003
 from .dataset import DESCRIPTION, Dataset, DatasetWriter, HalfOverflowError, open_dataset
 from .source import Source
 
 # A reader is a module with FORMAT, EXTENSIONS, matches(path) -> bool, which looks at the content,
-# and open_source(path, cosine) -> Source.
-READERS = {reader.FORMAT: reader for reader in (btf, ubo2003)}
+# OPTION, the name of what the user may add to a file, and open_source(path, option) -> Source.
+READERS = {reader.FORMAT: reader for reader in (btf, ubo2003, masks)}
 
 Progress = Callable[[float, str], bool]
 
@@ -44,7 +44,7 @@ def describe_source(
     source: str | Path, *, format: str | None = None, cosine: int | None = None
 ) -> dict[str, Any]:
     """What a file holds and what importing it would do, JSON-able, without importing it."""
-    return _open_source(source, format, cosine).summary()
+    return _open_source(source, format, cosine, None).summary()
 
 
 def import_dataset(
@@ -53,16 +53,18 @@ def import_dataset(
     *,
     format: str | None = None,
     cosine: int | None = None,
+    directions: str | Path | None = None,
     progress: Progress | None = None,
 ) -> Dataset:
-    """Read a measured BTF into the dataset folder `destination` and open it.
+    """Read a measured BTF or occlusion masks into the dataset folder `destination` and open it.
 
     `format` is a name in READERS, found out when None. `cosine` says whether the file's values
     include cos(theta_light): 1 leaves them, 0 multiplies, None does what the file says.
+    `directions` is a CSV file with the view of each mask, which masks need and nothing else takes.
     Raises NacreError for anything wrong with the file or the disk, Cancelled when `progress`
     answers False; then nothing is left of the dataset, and an older one there is untouched.
     """
-    opened = _open_source(source, format, cosine)
+    opened = _open_source(source, format, cosine, directions)
     try:
         _write(opened, destination, opened.dtype, progress)
     except HalfOverflowError:
@@ -71,16 +73,25 @@ def import_dataset(
     return open_dataset(destination)
 
 
-def _open_source(source: str | Path, format: str | None, cosine: int | None) -> Source:
+def _open_source(
+    source: str | Path, format: str | None, cosine: int | None, directions: str | Path | None
+) -> Source:
     if cosine not in (None, 0, 1):
         raise NacreError(f"cosine must be 0 or 1, not {cosine}")
+    if format is None and directions is not None and os.path.isdir(source):
+        format = masks.FORMAT  # a folder of images is anything that its user says
     if format is None:
         format = detect_format(source)
     elif format not in READERS:
         raise NacreError(f"there is no format {format}: choose from {', '.join(READERS)}")
     elif not os.path.exists(source):
         raise NacreError(f"there is no file {source}")
-    return READERS[format].open_source(Path(source), cosine)
+    reader = READERS[format]
+    given = {"cosine": cosine, "directions": directions}
+    for option, value in given.items():
+        if value is not None and option != reader.OPTION:
+            raise NacreError(f"{Path(source).name} is read as {format}, which takes no --{option}")
+    return reader.open_source(Path(source), given[reader.OPTION])
 
 
 def _write(

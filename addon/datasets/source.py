@@ -1,4 +1,4 @@
-"""What a reader hands over: a described BTF whose samples come block by block."""
+"""What a reader hands over: a described dataset whose samples come block by block."""
 
 import math
 from collections.abc import Callable, Generator
@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from .dataset import AXES
+from .dataset import KINDS
 
 # What a reader decodes at a time; it holds about four times this, whatever the tensor's size.
 BLOCK_BYTES = 32 * 2**20
+
+CHANNELS = ["R", "G", "B"]
 
 # The width of a patch in metres when the file does not tell: a piece of cloth in the hand.
 DEFAULT_PATCH_WIDTH = 0.01
@@ -19,17 +21,17 @@ DEFAULT_PATCH_WIDTH = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A measured BTF in some file format.
+    """A BTF, or another kind of dataset, in some file format.
 
-    `light` (L, 3) and `view` (V, 3) are unit vectors, `shape` is (L, V, Y, X, C), `dtype` what the
-    values deserve, `conversions` what was done or assumed to get to Nacre's conventions, `details`
-    what only this format knows. `blocks()` starts reading: it yields C-order contiguous pieces of
-    the samples, one after the other, and raises NacreError.
+    `light` (L, 3), which occlusion lacks, and `view` (V, 3) are unit vectors, `shape` has the
+    kind's axes, `dtype` is what the values deserve, `conversions` what was done or assumed to get
+    to Nacre's conventions, `details` what only this format knows. `blocks()` starts reading: it
+    yields C-order contiguous pieces of the samples, one after the other, and raises NacreError.
     """
 
     path: Path
     format: str
-    light: np.ndarray
+    light: np.ndarray | None
     view: np.ndarray
     shape: tuple[int, ...]
     dtype: np.dtype
@@ -38,19 +40,22 @@ class Source:
     details: dict[str, Any]
     bytes: int
     blocks: Callable[[], Generator[np.ndarray]]
+    kind: str = "btf"
 
     def description(self) -> dict[str, Any]:
         """The content of dataset.json.
 
         No measured format says whether a patch repeats; materials are shown by repeating them.
         """
+        own: dict[str, Any] = {"value": "mask"}
+        if self.light is not None:
+            own = {"light": self.light.tolist(), "channels": CHANNELS}
         return {
             "nacre": 1,
-            "kind": "btf",
-            "axes": list(AXES),
-            "light": self.light.tolist(),
+            "kind": self.kind,
+            "axes": list(KINDS[self.kind]),
             "view": self.view.tolist(),
-            "channels": ["R", "G", "B"],
+            **own,
             "patch_size": list(self.patch_size),
             "periodic": True,
             "noise_floor_db": None,
@@ -63,17 +68,14 @@ class Source:
 
     def summary(self) -> dict[str, Any]:
         """What `info` shows, JSON-able; sizes in bytes, `samples_bytes` once imported."""
-        lights, views, height, width, _ = self.shape
+        sizes = dict(zip(KINDS[self.kind], self.shape, strict=True))
+        colour = {"channels": CHANNELS, "colour_model": None, "cosine_flag": None}
         return {
             "format": self.format,
-            "light": lights,
-            "view": views,
-            "width": width,
-            "height": height,
-            "channels": ["R", "G", "B"],
-            "colour_model": None,
-            "cosine_flag": None,
-            "components": None,
+            **{axis: sizes[axis] for axis in ("light", "view") if axis in sizes},
+            "width": sizes["x"],
+            "height": sizes["y"],
+            **(colour | {"components": None} if "channel" in sizes else {"value": "mask"}),
             **self.details,
             "bytes": self.bytes,
             "samples_bytes": math.prod(self.shape) * self.dtype.itemsize,

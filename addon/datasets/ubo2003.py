@@ -27,6 +27,7 @@ from .source import BLOCK_BYTES, DEFAULT_PATCH_WIDTH, Source, assumed_patch_size
 
 FORMAT = "ubo2003"
 EXTENSIONS = (".zip",)
+OPTION = "cosine"
 
 _IMAGES = {".jpg", ".jpeg", ".png"}
 _OTHER_IMAGES = {".hdr", ".exr", ".tif", ".tiff", ".bmp", ".tga", ".pfm", ".ppm", ".webp", ".gif"}

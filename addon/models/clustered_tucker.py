@@ -15,8 +15,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-MODES = ("light", "view", "y", "x")
-"""Tensor modes of a BTF in axis order."""
+from ..datasets.dataset import KINDS
+
+
+def modes_of(kind: str) -> tuple[str, ...]:
+    """Tensor modes of a kind of dataset in axis order; colour is none."""
+    return tuple(axis for axis in KINDS[kind] if axis != "channel")
+
+
+MODES = modes_of("btf")
+"""Tensor modes of a BTF."""
 
 Part = slice | Sequence[int] | NDArray[np.intp]
 """Which indices of an axis."""
@@ -24,10 +32,11 @@ Part = slice | Sequence[int] | NDArray[np.intp]
 
 @dataclass(frozen=True)
 class ClusteredTucker:
-    """A BTF as cluster core tensors and sparse bases.
+    """A BTF or occlusion as cluster core tensors and sparse bases.
 
-    core      (clusters, R_light, R_view, R_y, R_x) float32; clusters of several clustered modes are
-              flattened in axis order, last fastest.
+    core      (clusters, R of each mode) float32, modes light, view, y, x of a BTF and view, y, x of
+              occlusion; clusters of several clustered modes are flattened in axis order, last
+              fastest.
     bases     for each mode (owners, I, K, R) float32. Owners are the combinations of the *other*
               clustered modes' clusters, or 1 when the basis is global. K is 1 unless the mode is
               clustered, and then basis[o, i, k] is the row that item i has in its k-th cluster.
@@ -35,7 +44,9 @@ class ClusteredTucker:
               one row a light, shared by its colour rows.
     clusters  for each clustered mode, its number of clusters.
     dataset   what the decoded samples are: light, view, channels, patch_size, periodic, source ...
+              of a BTF; view, value, patch_size ... of occlusion.
     fit       how it was made: method, seed, iterations, relative squared errors.
+    kind      "btf" or "occlusion".
     """
 
     core: NDArray[np.float32]
@@ -44,11 +55,17 @@ class ClusteredTucker:
     clusters: Mapping[str, int]
     dataset: Mapping[str, Any]
     fit: Mapping[str, Any] = field(default_factory=dict)
+    kind: str = "btf"
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """Tensor modes in axis order."""
+        return modes_of(self.kind)
 
     @property
     def ranks(self) -> dict[str, int]:
         """The reduced rank of each mode."""
-        return dict(zip(MODES, self.core.shape[1:], strict=True))
+        return dict(zip(self.modes, self.core.shape[1:], strict=True))
 
     @property
     def mixtures(self) -> dict[str, int]:
@@ -57,14 +74,16 @@ class ClusteredTucker:
 
     @property
     def channels(self) -> int:
-        """Colour channels, folded into the light mode."""
+        """Colour channels of a BTF, folded into the light mode."""
         return len(self.dataset["channels"])
 
     @property
-    def shape(self) -> tuple[int, int, int, int, int]:
-        """The decoded samples' shape: (light, view, y, x, channel)."""
-        rows, view, y, x = (self.bases[mode].shape[1] for mode in MODES)
-        return rows // self.channels, view, y, x, self.channels
+    def shape(self) -> tuple[int, ...]:
+        """The decoded samples' shape: (light, view, y, x, channel) or (view, y, x)."""
+        sizes = tuple(self.bases[mode].shape[1] for mode in self.modes)
+        if self.kind != "btf":
+            return sizes
+        return sizes[0] // self.channels, *sizes[1:], self.channels
 
     def decode(
         self,
@@ -73,28 +92,50 @@ class ClusteredTucker:
         y: Part = slice(None),
         x: Part = slice(None),
     ) -> NDArray[np.float32]:
-        """Samples of one block, float32 (light, view, y, x, channel); unclamped linear values."""
-        channels = self.channels
-        lights = np.arange(self.shape[0])[light]
+        """Samples of one block, float32; unclamped values.
+
+        (light, view, y, x, channel), linear, of a BTF. Of occlusion (view, y, x), masks or signed
+        distances as fitted; it has no lights to choose from.
+        """
+        parts = {"light": light, "view": view, "y": y, "x": x}
         rows = {
-            "light": (channels * lights[:, None] + np.arange(channels)).ravel(),
-            "view": np.arange(self.shape[1])[view],
-            "y": np.arange(self.shape[2])[y],
-            "x": np.arange(self.shape[3])[x],
+            mode: np.arange(size)[parts[mode]]
+            for mode, size in zip(self.modes, self.shape, strict=False)
         }
-        block = np.zeros([len(rows[mode]) for mode in MODES], np.float32)
+        if self.kind != "btf":
+            return self._decode_rows(rows)
+        lights, channels = rows["light"], self.channels
+        rows["light"] = (channels * lights[:, None] + np.arange(channels)).ravel()
+        block = self._decode_rows(rows)
+        lit = block.reshape(len(lights), channels, *block.shape[1:])
+        return np.ascontiguousarray(np.moveaxis(lit, 1, -1))
+
+    def _decode_rows(self, rows: Mapping[str, NDArray[np.intp]]) -> NDArray[np.float32]:
+        """The approximated tensor at some rows of each mode."""
+        block = np.zeros([len(rows[mode]) for mode in self.modes], np.float32)
         # Modes after the last clustered one are whole in every cluster: adding slices is faster.
-        scattered = max((MODES.index(mode) + 1 for mode in self.clusters), default=0)
+        scattered = max((self.modes.index(mode) + 1 for mode in self.clusters), default=0)
         for cluster in range(len(self.core)):
-            members = [self._member_rows(mode, cluster, rows[mode]) for mode in MODES]
+            members = [self.member_rows(mode, cluster, rows[mode]) for mode in self.modes]
             places = [place for place, _ in members]
             block[np.ix_(*places[:scattered])] += expand(
                 self.core[cluster], [factor for _, factor in members]
             )
-        lit = block.reshape(len(lights), channels, *block.shape[1:])
-        return np.ascontiguousarray(np.moveaxis(lit, 1, -1))
+        return block
 
-    def _member_rows(
+    def core_of(self, mode: str) -> NDArray[np.intp]:
+        """Which core each row of a clustered mode's basis goes with: (owners, I, K)."""
+        basis, counts = self.bases[mode], list(self.clusters.values())
+        others = [count for name, count in self.clusters.items() if name != mode]
+        vectors = list(np.unravel_index(np.arange(len(basis)), others)) if others else []
+        members = np.repeat(self.members[mode], basis.shape[1] // len(self.members[mode]), axis=0)
+        parts = [vector[:, None, None] for vector in vectors]
+        parts.insert(list(self.clusters).index(mode), members[None].astype(np.intp))
+        return np.broadcast_to(
+            np.ravel_multi_index(np.broadcast_arrays(*parts), counts), basis.shape[:3]
+        )
+
+    def member_rows(
         self, mode: str, cluster: int, rows: NDArray[np.intp]
     ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
         """Where in `rows` the members of a cluster stand, and their basis rows (members, R)."""

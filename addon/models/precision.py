@@ -11,30 +11,37 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .clustered_tucker import MODES, ClusteredTucker
+from .clustered_tucker import ClusteredTucker
 
 SHARE = 3e-5
 """Rounding may add this share of the fit's squared error: 0.0001 dB."""
 
 
-def round_model(model: ClusteredTucker, squared_error: float) -> ClusteredTucker:
+def round_model(
+    model: ClusteredTucker, squared_error: float, share: float = SHARE
+) -> ClusteredTucker:
     """Round the core and the bases so that each number adds about as much error as any other.
 
-    `squared_error` is the fit's, sum (A - A^)^2. Bases are orthonormal, so an error in the core
-    passes to the samples as it is, and one in a basis column times the norm of the core's slice.
+    `squared_error` is the fit's, sum (A - A^)^2, and rounding may add `share` of it. Bases are
+    orthonormal, so an error in the core passes to the samples as it is, and one in a basis column
+    times the norm of the core's slice.
     """
     count = model.core.size + sum(basis.size for basis in model.bases.values())
     if squared_error <= 0.0:
         return model
-    step = float(np.sqrt(12.0 * SHARE * squared_error / count))
+    step = float(np.sqrt(12.0 * share * squared_error / count))
     bases = {}
-    for number, mode in enumerate(MODES, start=1):
+    for number, mode in enumerate(model.modes, start=1):
         basis = model.bases[mode]
         others = tuple(axis for axis in range(1, model.core.ndim) if axis != number)
         slices = np.sqrt(np.sum(np.square(model.core, dtype=float), axis=others))
-        # A basis of several owners goes with their cores, a shared one with all of them.
-        gain = slices if len(basis) == len(slices) else np.linalg.norm(slices, axis=0)[None]
-        steps = step / np.maximum(gain, 1e-30)[:, None, None, :]
+        if mode in model.members:  # each number goes with the core of its cluster
+            gain = slices[model.core_of(mode)]
+        elif len(basis) == len(slices):
+            gain = slices[:, None, None]
+        else:  # global: with all of them
+            gain = np.linalg.norm(slices, axis=0)[None, None, None]
+        steps = step / np.maximum(gain, 1e-30)
         bases[mode] = _round(basis, np.broadcast_to(steps, basis.shape))
     core = _round(model.core, np.full(model.core.shape, step))
     return replace(model, core=core, bases=bases)

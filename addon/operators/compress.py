@@ -5,6 +5,7 @@ from pathlib import Path
 import bpy
 
 from ..datasets.dataset import open_dataset
+from ..datasets.occlusion import with_value
 from ..facts import parse_facts
 from ..jobs import JobOperator, Progress, Work
 from .ready import is_ready
@@ -37,7 +38,8 @@ class NACRE_OT_compress(JobOperator, bpy.types.Operator):
         )
 
         def work(progress: Progress) -> Path:
-            save_model(compress(dataset, method, **settings, progress=progress), output)
+            fitted = with_value(dataset, "signed-distance" if dataset.value else "")
+            save_model(compress(fitted, method, **settings, progress=progress), output)
             return output
 
         return work

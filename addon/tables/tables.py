@@ -13,13 +13,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import nacre_native
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Cancelled, NacreError
-from ..models.clustered_tucker import MODES, ClusteredTucker, expand
-from .interpolation import horizon_fade, thin_plate_weights
+from ..models.clustered_tucker import ClusteredTucker, expand
+from ..models.resample import resample_mode
 from .parabolic import texel_directions
 
 SIZE = 256
@@ -66,14 +65,16 @@ def build_tables(
 ) -> Tables:
     """Resample a model's directions to parabolic maps of `size` and expand its core.
 
-    The model stands in for the raw BTF: its view subtensors are interpolated by a thin-plate spline
-    in the reduced space, where that is linear, and each map texel's clusters and mixing
-    coefficients come from the greedy search and optimal projection of the fit (Section 6.3.2).
-    Raises NacreError when the light mode or a spatial mode is clustered, Cancelled on request.
+    Each map texel has the rows and clusters of its direction (models.resample).
+    Raises NacreError for occlusion, and when the light mode or a spatial mode is clustered;
+    Cancelled on request.
     """
+    if model.kind != "btf":
+        raise NacreError(f"a model of {model.kind} cannot be shown yet: choose one of a BTF")
     if set(model.clusters) - {"view"}:
         raise NacreError(
-            f"models clustered in {', '.join(model.clusters)} cannot be shown yet: only the view"
+            f"a model clustered in {' and '.join(model.clusters)} cannot be shown yet: compress "
+            "with a method that clusters only the view (kcta)"
         )
 
     def step(fraction: float, message: str) -> None:
@@ -82,16 +83,15 @@ def build_tables(
 
     directions = texel_directions(size).reshape(-1, 3)
     step(0.0, "Resampling lights")
-    measured_lights = np.asarray(model.dataset["light"], float)
-    weights = thin_plate_weights(measured_lights, directions)
-    weights *= horizon_fade(measured_lights, directions)[:, None]
-    rows = model.bases["light"][0, :, 0]
-    light = weights @ rows.reshape(len(measured_lights), -1)
+    light = resample_mode(model, "light", directions).basis
     light = light.reshape(size, size, model.channels, -1).transpose(2, 0, 1, 3)
 
     step(0.2, "Resampling views")
-    index, view = _resample_views(model, directions)
-    view = view.reshape(size, size, *view.shape[1:]).transpose(2, 0, 1, 3)
+    rows = resample_mode(model, "view", directions)
+    view = rows.basis.reshape(size, size, *rows.basis.shape[2:]).transpose(2, 0, 1, 3)
+    index = np.zeros((len(view), size, size), np.uint32)
+    if rows.members is not None:
+        index = rows.members.reshape(size, size, -1).transpose(2, 0, 1)
 
     step(0.7, "Expanding the core")
     core = np.stack([_expand_texels(model, cluster) for cluster in range(len(model.core))])
@@ -99,32 +99,9 @@ def build_tables(
     return Tables(
         core=np.moveaxis(_quads(np.moveaxis(core, 2, -1)), -2, 2),
         view=np.moveaxis(_quads(view), -2, 1),
-        index=index.reshape(size, size, -1).transpose(2, 0, 1),
+        index=index,
         light=np.moveaxis(_quads(light), -2, 1),
     )
-
-
-def _resample_views(
-    model: ClusteredTucker, directions: NDArray[np.float64]
-) -> tuple[NDArray[np.uint32], NDArray[np.float64]]:
-    """Clusters (n, K) and mixing coefficients (n, K, R) of the view subtensors at n views."""
-    measured = np.asarray(model.dataset["view"], float)
-    basis = model.bases["view"][0].astype(float)
-    members = model.members.get("view", np.zeros((len(basis), 1), np.uint32))
-    gram = nacre_native.core_gram(
-        model.core, [model.bases[mode] for mode in MODES], clustered=MODES.index("view")
-    )
-    # How each measured view of the model projects on every cluster: sum over k of u_k gram[c_k, c].
-    projections = np.einsum("ikr,ikcrs->ics", basis, gram[members])
-    weights = thin_plate_weights(measured, directions)
-    interpolated = np.einsum("ni,ics->ncs", weights, projections, optimize=True)
-    # Where a measured view is reproduced its own clusters are exact, and greedy search may miss
-    # them: the nearest measured views' clusters stand as candidates.
-    nearest = np.argsort(-(directions @ measured.T), axis=1)[:, :3]
-    members, coefficients = nacre_native.search_clusters(
-        interpolated, gram, members.shape[1], candidates=members[nearest]
-    )
-    return members, coefficients
 
 
 def _expand_texels(model: ClusteredTucker, cluster: int) -> NDArray[np.float32]:

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable
+from math import inf
 
 Progress = Callable[[float, str], bool]
 
@@ -48,6 +49,17 @@ def picture_size(text: str) -> tuple[int, int]:
     return width, height
 
 
+def gigabytes(text: str) -> int:
+    """Bytes, given as a number of gigabytes (10^9)."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.2 <= value < 1e6:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of gigabytes from 0.2 on")
+    return round(value * 1e9)
+
+
 def from_0(text: str) -> int:
     """A whole number of 0 or more."""
     return _at_least(0, text)
@@ -65,4 +77,15 @@ def _at_least(least: int, text: str) -> int:
         value = least - 1
     if value < least:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of {least} or more")
+    return value
+
+
+def above_0(text: str) -> float:
+    """A finite number above 0."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
     return value

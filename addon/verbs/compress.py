@@ -1,54 +1,139 @@
 """Fit a model to a dataset."""
 
+from __future__ import annotations
+
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import NacreError
-from .arguments import Progress, counts, from_0
+from .arguments import Progress, above_0, counts, from_0, from_1, gigabytes
+
+if TYPE_CHECKING:
+    from ..datasets.dataset import Dataset
+    from ..models.clustered_tucker import ClusteredTucker
+
+ENCODINGS = {"distance": "signed-distance", "mask": "mask"}
+_BY_HAND = ("quality", "ranks", "clusters", "mixtures", "resume")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", type=Path)
     parser.add_argument("model", type=Path)
-    parser.add_argument("--method", default="kcta", help="nsvd, cta or kcta (default)")
+    parser.add_argument("--method", default="kcta", help="nsvd, cta, kcta (default) or mkcta")
+    target = parser.add_mutually_exclusive_group()
+    target.add_argument(
+        "--target-db", type=above_0, metavar="DB", help="the smallest model of this quality (SNR)"
+    )
+    target.add_argument(
+        "--target-mb", type=above_0, metavar="MB", help="the best model whose file has this size"
+    )
     parser.add_argument(
-        "--quality", default="medium", help="draft, medium or high: what is not given below"
+        "--quality", help="draft, medium (default) or high: what is not given below"
     )
     parser.add_argument("--ranks", type=counts, default={}, help="light=20,view=4,y=32,x=32")
     parser.add_argument("--clusters", type=counts, default={}, help="view=7")
     parser.add_argument("--mixtures", type=counts, default={}, help="view=3")
     parser.add_argument(
-        "--global", dest="global_modes", default="light", help="modes whose basis clusters share"
+        "--global",
+        dest="global_modes",
+        help="modes whose basis clusters share: light for cta and kcta, y,x for mkcta by default",
+    )
+    parser.add_argument(
+        "--encoding",
+        choices=ENCODINGS,
+        help="what is fitted of occlusion: signed distance (default) or mask",
+    )
+    parser.add_argument(
+        "--search", default="auto", help="kcta, greedy or optimal; auto (default) as in the papers"
+    )
+    parser.add_argument(
+        "--coarse",
+        type=from_1,
+        default=1,
+        metavar="N",
+        help="begin with texels averaged over N along x and y: faster for large patches",
     )
     parser.add_argument("--seed", type=from_0, default=0)
     parser.add_argument("--threads", type=from_0, default=0, help="0 for every core")
+    parser.add_argument(
+        "--memory", type=gigabytes, default=0, metavar="GB", help="how much the fit may take"
+    )
+    parser.add_argument(
+        "--resume", action="store_true", help="go on with a fit of this model that was interrupted"
+    )
 
 
 def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..datasets.dataset import open_dataset
+    from ..datasets.occlusion import with_value
     from ..models.exr import check_destination, save_model
-    from ..models.fit import METHODS, QUALITIES, compress, quality_settings
+    from ..models.fit import METHODS
     from .info import describe_model
 
     dataset = open_dataset(options.dataset)
+    if dataset.kind == "occlusion":
+        dataset = with_value(dataset, ENCODINGS[options.encoding or "distance"])
+    elif options.encoding:
+        raise NacreError(f"{options.dataset}: --encoding is for occlusion")
     check_destination(options.model)
-    quality = options.quality.upper()
-    if quality not in QUALITIES:
-        raise NacreError(f"quality {options.quality!r}: expected draft, medium or high")
     if options.method not in METHODS:
         raise NacreError(f"method {options.method!r}: expected one of {', '.join(METHODS)}")
-    settings = quality_settings(dataset, options.method, quality)
-    for name in ("ranks", "clusters", "mixtures"):
+    modes = options.global_modes
+    shared = {
+        "global_modes": modes if modes is None else tuple(filter(None, modes.split(","))),
+        "search": options.search,
+        "seed": options.seed,
+        "threads": options.threads,
+        "memory": options.memory,
+        "progress": progress,
+    }
+    by_target = options.target_db is not None or options.target_mb is not None
+    model = (_by_target if by_target else _by_settings)(dataset, options, shared)
+    save_model(model, options.model)
+    return describe_model(model, options.model)
+
+
+def _by_target(
+    dataset: Dataset, options: argparse.Namespace, shared: dict[str, Any]
+) -> ClusteredTucker:
+    from ..models.target import compress_to_target
+
+    given = {name: getattr(options, name) for name in _BY_HAND} | {"coarse": options.coarse > 1}
+    for name, value in given.items():
+        if value:
+            raise NacreError(f"--{name} does not go with a target: leave one of them out")
+    return compress_to_target(
+        dataset,
+        options.method,
+        snr_db=options.target_db,
+        megabytes=options.target_mb,
+        folder=options.model.parent,
+        **shared,
+    )
+
+
+def _by_settings(
+    dataset: Dataset, options: argparse.Namespace, shared: dict[str, Any]
+) -> ClusteredTucker:
+    from ..models.fit import QUALITIES, compress, quality_settings
+
+    quality = (options.quality or "medium").upper()
+    if quality not in QUALITIES:
+        raise NacreError(f"quality {options.quality!r}: expected draft, medium or high")
+    settings: dict[str, Any] = quality_settings(dataset, options.method, quality)
+    if options.clusters:  # they say which modes are clustered
+        most = max(settings.get("mixtures", {"": 1}).values())
+        settings["clusters"] = options.clusters
+        settings["mixtures"] = {mode: min(most, count) for mode, count in options.clusters.items()}
+    for name in ("ranks", "mixtures"):
         settings[name] = {**settings.get(name, {}), **getattr(options, name)}
-    model = compress(
+    return compress(
         dataset,
         options.method,
         **settings,
-        global_modes=tuple(filter(None, options.global_modes.split(","))),
-        seed=options.seed,
-        threads=options.threads,
-        progress=progress,
+        coarse=options.coarse,
+        state=options.model.with_name(f".{options.model.name}.fit"),
+        resume=options.resume,
+        **shared,
     )
-    save_model(model, options.model)
-    return describe_model(model, options.model)

@@ -33,15 +33,14 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 def describe_dataset(dataset: Dataset) -> dict[str, Any]:
     """A dataset for printing; sizes in bytes, the patch in metres."""
-    lights, views, height, width, _ = dataset.shape
+    sizes = dataset.sizes
     return {
         "what": "dataset",
         "kind": dataset.kind,
-        "light": lights,
-        "view": views,
-        "width": width,
-        "height": height,
-        "channels": list(dataset.channels),
+        **{axis: sizes[axis] for axis in ("light", "view") if axis in sizes},
+        "width": sizes["x"],
+        "height": sizes["y"],
+        **({"value": dataset.value} if dataset.value else {"channels": list(dataset.channels)}),
         "dtype": dataset.samples.dtype.name,
         "patch_size": list(dataset.patch_size),
         "raw_bytes": dataset.raw_bytes,
@@ -54,6 +53,8 @@ def describe_model(model: ClusteredTucker, path: Path) -> dict[str, Any]:
     size = path.stat().st_size
     return {
         "what": "model",
+        "kind": model.kind,
+        **({"value": model.dataset["value"]} if "value" in model.dataset else {}),
         **{key: value for key, value in model.fit.items() if key != "errors"},
         "shape": list(model.shape),
         "ranks": model.ranks,

@@ -30,9 +30,9 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
     check_picture(options.out, options.engine)
     model = load_model(options.model)
-    _, _, height, width, _ = model.shape
     started = time.monotonic()
     material = build_material(model, options.model.stem, progress)
+    _, _, height, width, _ = model.shape
     if options.mesh == "plane":
         with flat_scene(material, options.size or (width, height), options.engine) as flat:
             flat.aim(options.light, options.view or (0.0, 0.0))

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "nacre/cluster_search.hpp"
 #include "nacre/executor.hpp"
 #include "nacre/source.hpp"
 
@@ -17,12 +18,17 @@ namespace nacre::python {
 namespace py = pybind11;
 
 void register_nsvd(py::module_& module);
-void register_kcta(py::module_& module);
+void register_clustered(py::module_& module);
 void register_search(py::module_& module);
+void register_evaluator(py::module_& module);
 
 // Samples (light, view, y, x, channel), C-contiguous half or float, used where they lie. `bounded`:
 // memory is; pages of a read-only numpy.memmap are dropped behind the reader.
-BtfSource btf_source(const py::array& samples, bool bounded = false);
+BtfSource btf_source(const py::array& samples, bool bounded = false,
+                     const std::string& domain = "linear");
+
+// auto, kcta, greedy or optimal.
+SearchMethod search_method(const std::string& name);
 
 // Calls `progress(fraction, message) -> bool` (or None) with the GIL held, and lets a Ctrl-C of the
 // main thread through.

@@ -178,7 +178,7 @@ Tucker Fit::run() {
         if (!iterate()) break;
         if (options_.checkpoint) options_.checkpoint(result_);
     }
-    if (streamed_) {
+    if (streamed_ && options_.core) {
         executor_.stage(1, 1, "N-SVD: core");
         result_.core =
             project(executor_, source_, all_but(result_.bases, -1), {}, options_.workspace);
@@ -194,59 +194,6 @@ Tucker Fit::run() {
 
 Tucker nsvd(Executor& executor, const TensorSource& source, const NsvdOptions& options) {
     return Fit(executor, source, options).run();
-}
-
-void update_bases(Executor& executor, const Tensor& tensor, Index lead,
-                  const std::vector<Index>& ranks, std::vector<MatrixF>& bases, Tensor& a,
-                  Tensor& b) {
-    for (Index n = 0; n < tensor.order(); ++n) {
-        if (n == lead || ranks[at(n)] == 0) continue;
-        // A basis that is still empty is left out of the projection: on the first pass this is the
-        // sequentially truncated HOSVD.
-        multi_mode_product(executor, tensor, all_but(bases, n, lead), Op::kTranspose, a, b);
-        bases[at(n)] = leading_basis(gram(executor, a, n), ranks[at(n)]);
-    }
-}
-
-void MemberDecomposition::run(Executor& executor, const Tensor& tensor,
-                              const std::vector<Index>& ranks, int sweeps, double tolerance,
-                              std::vector<MatrixF>& bases, Tensor& core) {
-    const Index members = tensor.dim(0);
-    const Index rank = std::min(ranks[0], members);
-    bool start = false;
-    for (Index n = 1; n < tensor.order(); ++n) {
-        start = start || (ranks[at(n)] > 0 && bases[at(n)].size() == 0);
-    }
-    if (start) {
-        for (std::size_t n = 1; n < bases.size(); ++n) bases[n].resize(0, 0);
-        bases[0] = leading_basis(gram(executor, tensor, 0), rank);
-        mode_product(executor, tensor, 0, bases[0], Op::kTranspose, lead_);
-        update_bases(executor, lead_, 0, ranks, bases, scratch_, other_);
-    }
-    double last = 0;
-    for (int sweep = 0; sweep < sweeps; ++sweep) {
-        multi_mode_product(executor, tensor, all_but(bases, 0), Op::kTranspose, rest_, scratch_);
-        bases[0] = leading_basis(gram(executor, rest_, 0), rank);
-        mode_product(executor, tensor, 0, bases[0], Op::kTranspose, lead_);
-        update_bases(executor, lead_, 0, ranks, bases, scratch_, other_);
-        multi_mode_product(executor, lead_, all_but(bases, 0), Op::kTranspose, core, scratch_);
-        if (sweep + 1 == sweeps) break;
-        const double kept = squared_norm(executor, core);
-        if (kept - last <= tolerance * kept) break;
-        last = kept;
-    }
-    if (rank < ranks[0]) {  // fewer members than columns: the rest is zero
-        const MatrixF basis = bases[0];
-        bases[0].setZero(members, ranks[0]);
-        bases[0].leftCols(rank) = basis;
-        Shape shape = core.shape();
-        const Index size = core.size();
-        shape[0] = ranks[0];
-        other_.reset(shape);
-        std::copy_n(core.data(), size, other_.data());
-        std::fill_n(other_.data() + size, other_.size() - size, 0.0f);
-        std::swap(core, other_);
-    }
 }
 
 }  // namespace nacre

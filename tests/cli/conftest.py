@@ -14,7 +14,7 @@ sys.path[:0] = [str(TESTS / "models"), str(TESTS / "datasets")]
 
 import image_zips  # noqa: E402
 from btf_writer import BtfFile  # noqa: E402
-from small_btf import write_dataset  # noqa: E402
+from small_btf import make_model, write_dataset  # noqa: E402
 
 from addon.cli import main  # noqa: E402
 from addon.datasets.dataset import open_dataset  # noqa: E402
@@ -34,6 +34,8 @@ def files(tmp_path_factory):
     kcta = {"ranks": RANKS, "clusters": {"view": 3}, "mixtures": {"view": 2}}
     save_model(compress(dataset, "kcta", **kcta), folder / "kcta.exr")
     save_model(compress(dataset, "nsvd", ranks=RANKS), folder / "nsvd.exr")
+    mkcta = {"clusters": {"light": 2, "view": 3}, "mixtures": {"light": 2, "view": 2}}
+    save_model(make_model(SHAPE, (3, 2, 4, 5), **mkcta, shared=("y", "x")), folder / "mkcta.exr")
     (folder / "some.csv").write_text("theta,phi\n0,0\n30,45\n60,200\n85,300\n")
     (folder / "below.csv").write_text("theta,phi\n0,0\n95,0\n")
     (folder / "angles.csv").write_text("0,0\n")

@@ -17,6 +17,10 @@ MISTAKES = [
     ("material absent.exr m.blend", "absent.exr"),
     ("material kcta.exr absent/m.blend", "absent"),
     ("verify absent.exr", "absent.exr"),
+    ("render mkcta.exr p.png", "light and view", "kcta"),
+    ("render mkcta.exr p.exr --mesh sphere", "light and view", "kcta"),
+    ("material mkcta.exr m.blend", "light and view", "kcta"),
+    ("verify mkcta.exr", "light and view", "kcta"),
     ("verify kcta.exr --engine workbench", "'workbench'", "eevee, cycles"),
 ]
 

@@ -7,11 +7,10 @@ from PIL import Image
 
 from addon import samples
 from addon.datasets.dataset import open_dataset
-from addon.datasets.directions import read_directions_csv
+from addon.datasets.directions import read_directions_csv, unit_to_spherical
 from addon.models.exr import load_model
 from addon.models.fit import compress, quality_settings
-from addon.tables.evaluate import evaluate_patch
-from addon.tables.tables import build_tables
+from addon.models.resample import resample
 
 RANKS = "--ranks light=5,view=3,y=4,x=5"
 KCTA = f"--method kcta {RANKS} --clusters view=3 --mixtures view=2".split()
@@ -138,24 +137,38 @@ def test_decode_gives_a_block_back(nacre_json, tmp_path, files):
     assert decoded.periodic is False
 
 
-@pytest.mark.parametrize("model", ["kcta.exr", "nsvd.exr"])
-def test_decode_evaluates_the_tables_at_any_directions(model, nacre_json, tmp_path, files):
+@pytest.mark.parametrize("model", ["kcta.exr", "nsvd.exr", "mkcta.exr"])
+def test_decode_interpolates_any_directions(model, nacre_json, tmp_path, files):
     nacre_json("decode", model, tmp_path / "d.nacre", "--directions", "some.csv")
     decoded = open_dataset(tmp_path / "d.nacre")
     directions = read_directions_csv(files / "some.csv")
     np.testing.assert_array_equal(decoded.light, directions)
     np.testing.assert_array_equal(decoded.view, directions)
     assert decoded.samples.dtype == np.float32
-    assert decoded.samples.min() == 0.0  # clamped
-    tables = build_tables(load_model(files / model))
-    expected = evaluate_patch(tables, directions, directions)
+    expected = resample(load_model(files / model), directions, directions).decode()
     np.testing.assert_allclose(decoded.samples, expected, rtol=1e-5, atol=1e-6)
     nacre_json(
         "decode", model, tmp_path / "part.nacre", "--directions", "some.csv",
         "--light", "1:2", "--view", "2:", "--y", "3:5",
     )  # fmt: skip
     part = open_dataset(tmp_path / "part.nacre")
-    np.testing.assert_array_equal(part.samples, decoded.samples[1:2, 2:, 3:5])
+    np.testing.assert_allclose(part.samples, decoded.samples[1:2, 2:, 3:5], rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("model", ["kcta.exr", "nsvd.exr", "mkcta.exr"])
+def test_decode_at_the_measured_directions_is_decode(model, nacre_json, tmp_path, files):
+    lights, views = (load_model(files / model).dataset[mode] for mode in ("light", "view"))
+    rows = [f"{theta:.9f},{phi:.9f}" for theta, phi in zip(*unit_to_spherical(views), strict=True)]
+    (tmp_path / "views.csv").write_text("\n".join(["theta,phi", *rows]))
+    nacre_json("decode", model, tmp_path / "a.nacre", "--directions", tmp_path / "views.csv")
+    nacre_json("decode", model, tmp_path / "b.nacre", "--light", "0:1")
+    np.testing.assert_allclose(lights[0], views[0])  # the first light is the first view
+    np.testing.assert_allclose(
+        open_dataset(tmp_path / "a.nacre").samples[:1],
+        open_dataset(tmp_path / "b.nacre").samples,
+        rtol=1e-4,
+        atol=1e-5,
+    )
 
 
 def test_compare_measures_datasets_and_models(nacre_json, files, small):

@@ -15,8 +15,15 @@ RANKS = {"light": 5, "view": 3, "y": 4, "x": 5}
 NSVD = {"ranks": RANKS}
 CTA = {"ranks": RANKS, "clusters": {"view": 2}, "mixtures": {"view": 1}}
 KCTA = {"ranks": RANKS, "clusters": {"view": 3}, "mixtures": {"view": 2}}
+MKCTA = {
+    "ranks": RANKS,
+    "clusters": {"light": 2, "view": 3},
+    "mixtures": {"light": 2, "view": 2},
+}
 EACH = pytest.mark.parametrize(
-    ("method", "given"), [("nsvd", NSVD), ("cta", CTA), ("kcta", KCTA)], ids=METHODS
+    ("method", "given"),
+    [("nsvd", NSVD), ("cta", CTA), ("kcta", KCTA), ("mkcta", MKCTA)],
+    ids=METHODS,
 )
 
 
@@ -37,8 +44,9 @@ def test_a_model_is_what_was_asked_for(method, given, dataset):
     assert model.clusters == given.get("clusters", {})
     assert model.mixtures == given.get("mixtures", {})
     owners = {mode: len(basis) for mode, basis in model.bases.items()}
-    count = model.clusters.get("view", 1)
-    assert owners == {"light": 1, "view": 1, "y": count, "x": count}
+    lights, views = (model.clusters.get(mode, 1) for mode in ("light", "view"))
+    local = 1 if method == "mkcta" else views  # its y and x are global
+    assert owners == {"light": views if lights > 1 else 1, "view": lights, "y": local, "x": local}
     assert model.dataset["light"] == dataset.light.tolist()
     assert model.dataset["view"] == dataset.view.tolist()
     assert model.dataset["patch_size"] == [0.02, 0.01]
@@ -106,6 +114,97 @@ def test_modes_are_global_or_of_each_cluster(dataset):
     )
 
 
+@pytest.mark.parametrize("mode", ["light", "y", "x"])
+def test_any_mode_may_be_clustered(mode, dataset):
+    given = {"ranks": {**RANKS, mode: 2}, "clusters": {mode: 3}, "mixtures": {mode: 2}}
+    model = compress(dataset, "kcta", **given)
+    assert set(model.clusters) == {mode}
+    error = relative_error(model, dataset.samples)
+    assert error == pytest.approx(model.fit["errors"][-1], rel=1e-3)
+
+
+@pytest.mark.parametrize("method", ["nsvd", "kcta", "mkcta"])
+def test_a_killed_fit_resumes_to_the_same_result(method, dataset, tmp_path, monkeypatch):
+    given = {"nsvd": NSVD, "kcta": KCTA, "mkcta": MKCTA}[method]
+    whole = compress(dataset, method, **given)
+    state = tmp_path / ".model.exr.fit"
+    monkeypatch.setattr("addon.models.checkpoint._LEAST", 0.0)
+    saves = []
+
+    def interrupt(fraction, message):
+        if state.exists():
+            saves.append(message)
+        if len(saves) == 3:  # as a kill would: nothing is tidied up
+            raise KeyboardInterrupt
+        return True
+
+    monkeypatch.setattr("addon.models.checkpoint._SHARE", 1e9)
+    with pytest.raises(KeyboardInterrupt):
+        compress(dataset, method, **given, state=state, progress=interrupt)
+    assert state.exists()
+    resumed = compress(dataset, method, **given, state=state, resume=True)
+    assert not state.exists()
+    assert resumed.fit["errors"] == whole.fit["errors"]
+    np.testing.assert_array_equal(resumed.core, whole.core)
+    for mode, basis in whole.bases.items():
+        np.testing.assert_array_equal(resumed.bases[mode], basis)
+
+
+def test_a_state_of_other_settings_is_refused(dataset, tmp_path, monkeypatch):
+    state = tmp_path / ".model.exr.fit"
+    monkeypatch.setattr("addon.models.checkpoint._LEAST", 0.0)
+
+    def interrupt(fraction, message):
+        if state.exists():
+            raise KeyboardInterrupt
+        return True
+
+    with pytest.raises(KeyboardInterrupt):
+        compress(dataset, "kcta", **KCTA, state=state, progress=interrupt)
+    with pytest.raises(NacreError, match="other settings"):
+        compress(dataset, "kcta", **{**KCTA, "seed": 5}, state=state, resume=True)
+    state.write_bytes(state.read_bytes()[:200])
+    with pytest.raises(NacreError, match="damaged"):
+        compress(dataset, "kcta", **KCTA, state=state, resume=True)
+    compress(dataset, "kcta", **KCTA, state=state)  # from the beginning
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_cancel_leaves_no_state(dataset, tmp_path, monkeypatch):
+    monkeypatch.setattr("addon.models.checkpoint._LEAST", 0.0)
+    state = tmp_path / ".model.exr.fit"
+    seen = []
+
+    def cancel(fraction, message):
+        seen.append(state.exists())
+        return not state.exists()
+
+    with pytest.raises(Cancelled):
+        compress(dataset, "kcta", **KCTA, state=state, progress=cancel)
+    assert any(seen) and list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("method", ["nsvd", "kcta", "mkcta"])
+def test_a_memory_bound_does_not_change_the_result(method, dataset, tmp_path):
+    given = {"nsvd": NSVD, "kcta": KCTA, "mkcta": MKCTA}[method]
+    free = compress(dataset, method, **given)
+    bound = compress(dataset, method, **given, memory=1, state=tmp_path / "state")
+    np.testing.assert_array_equal(bound.core, free.core)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_coarse_to_fine_starts_closer(tmp_path):
+    dataset = write_dataset(tmp_path / "fine.nacre", (4, 12, 24, 20, 3))
+    given = {"ranks": {"light": 5, "view": 2, "y": 6, "x": 6}, "clusters": {"view": 3}}
+    plain = compress(dataset, "kcta", **given)
+    coarse = compress(dataset, "kcta", **given, coarse=2)
+    assert coarse.fit["errors"][-1] < plain.fit["errors"][0]
+    assert relative_error(coarse, dataset.samples) == pytest.approx(
+        coarse.fit["errors"][-1], rel=1e-3
+    )
+    assert coarse.ranks == plain.ranks and coarse.shape == plain.shape
+
+
 def test_half_floats_are_read_where_they_lie(tmp_path):
     samples = make_samples(SHAPE).astype(np.float16)
     half = write_dataset(tmp_path / "half.nacre", SHAPE, samples, np.float16)
@@ -137,7 +236,7 @@ def test_what_progress_raises_comes_out(dataset):
 @pytest.mark.parametrize(
     ("method", "changes", "words"),
     [
-        ("svd", {}, ["'svd'", "nsvd, cta, kcta"]),
+        ("svd", {}, ["'svd'", "nsvd, cta, kcta, mkcta"]),
         ("nsvd", {"ranks": {**RANKS, "light": 19}}, ["light=19", "18 rows"]),
         ("nsvd", {"ranks": {**RANKS, "view": 8}}, ["view=8", "7 rows"]),
         ("nsvd", {"ranks": {**RANKS, "y": 0}}, ["y=0", "1 or more"]),
@@ -146,21 +245,23 @@ def test_what_progress_raises_comes_out(dataset):
         ("nsvd", {"clusters": {"view": 2}}, ["nsvd has no clusters"]),
         ("nsvd", {"mixtures": {"view": 2}}, ["nsvd has no clusters"]),
         ("kcta", {"clusters": {}, "mixtures": {}}, ["--clusters view=C"]),
-        ("kcta", {"clusters": {"y": 2}, "mixtures": {}}, ["--clusters view=C"]),
+        ("mkcta", {"clusters": {}, "mixtures": {}}, ["--clusters light=C,view=C"]),
+        ("mkcta", {"global_modes": ("light",)}, ["'light'", "y or x"]),
+        ("kcta", {"search": "best"}, ["'best'", "auto, kcta, greedy, optimal"]),
         ("kcta", {"clusters": {"view": 2, "light": 2}}, ["--clusters view=C"]),
-        ("kcta", {"clusters": {"view": 8}}, ["view=8", "7 views"]),
+        ("kcta", {"clusters": {"view": 8}}, ["view=8", "the 7 of"]),
         ("kcta", {"clusters": {"view": 0}, "mixtures": {}}, ["view=0", "1 or more"]),
         ("kcta", {"clusters": {"view": 2}, "mixtures": {"view": 3}}, ["view=3", "view=2"]),
-        ("kcta", {"mixtures": {"light": 1}}, ["only the clustered mode"]),
+        ("kcta", {"mixtures": {"light": 1}}, ["light", "only clustered modes"]),
         ("cta", {"clusters": {"view": 3}, "mixtures": {"view": 2}}, ["cta", "not 2"]),
-        ("kcta", {"global_modes": ("view",)}, ["'view'", "light, y or x"]),
-        ("kcta", {"global_modes": ("u",)}, ["'u'", "light, y or x"]),
+        ("kcta", {"global_modes": ("view",)}, ["'view'", "light or y or x"]),
+        ("kcta", {"global_modes": ("u",)}, ["'u'", "light or y or x"]),
         ("kcta", {"threads": -1}, ["threads"]),
     ],
     ids=str,
 )
 def test_wrong_settings_are_named_in_one_line(method, changes, words, dataset):
-    usual = NSVD if method == "nsvd" else KCTA
+    usual = {"nsvd": NSVD, "mkcta": MKCTA}.get(method, KCTA)
     with pytest.raises(NacreError) as error:
         compress(dataset, method, **{**usual, **changes})
     text = str(error.value)
@@ -179,7 +280,7 @@ def test_a_sample_that_is_no_number_is_named(tmp_path):
 
 def test_a_black_dataset_gives_a_black_model(tmp_path):
     dataset = write_dataset(tmp_path / "black.nacre", SHAPE, np.zeros(SHAPE, np.float32))
-    for method, asked in (("nsvd", NSVD), ("kcta", KCTA)):
+    for method, asked in (("nsvd", NSVD), ("kcta", KCTA), ("mkcta", MKCTA)):
         np.testing.assert_array_equal(compress(dataset, method, **asked).decode(), 0.0)
 
 

@@ -10,9 +10,9 @@ from small_btf import hemisphere, make_model
 from addon.datasets.directions import spherical_to_unit
 from addon.errors import Cancelled, NacreError
 from addon.models.exr import load_model
+from addon.models.interpolation import thin_plate_weights
 from addon.tables.against_model import tables_against_model
 from addon.tables.evaluate import evaluate_patch, evaluate_points
-from addon.tables.interpolation import thin_plate_weights
 from addon.tables.parabolic import texel_directions, texel_of
 from addon.tables.tables import build_tables
 
@@ -251,6 +251,7 @@ def test_one_light_and_one_view_are_enough():
 def test_other_clustered_modes_are_refused(clusters):
     with pytest.raises(NacreError) as error:
         build_tables(make_model(clusters=clusters), SIZE)
+    assert " and ".join(clusters) in str(error.value)
     assert "only the view" in str(error.value)
     assert "\n" not in str(error.value)
 

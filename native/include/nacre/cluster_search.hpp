@@ -1,15 +1,21 @@
-// The clustering stage in the reduced tensor space (Section 4.2 of the K-CTA paper): which mixture
-// clusters a subtensor belongs to, and with which mixing coefficients.
+// The clustering stage in the reduced tensor space (Section 4.2 of the K-CTA paper, Sections 3.5
+// and 4.1.1 of the MK-CTA paper): which mixture clusters a subtensor belongs to, and with which
+// mixing coefficients.
 //
 // All that is needed of a subtensor A<i> are its projections on every cluster,
-//     a_c = ufm(A<i>^(c)) ufm(Z_c)^T            (Eqs. 10, 18 and 19; 1 x R),
+//     a_c = ufm(A<i>^(c)) ufm(Z_c)^T            (K-CTA, Eqs. 10, 18 and 19; 1 x R),
 // and of the clusters their Gram matrix, whose block of row j and column c is
-//     gram[j, c] = ufm(Z_j^(c)) ufm(Z_c)^T      (Eqs. 14 and 17; R x R).
+//     gram[j, c] = ufm(Z_j^(c)) ufm(Z_c)^T      (K-CTA, Eqs. 14 and 17; R x R).
+// In MK-CTA a subtensor is given whole subsets C_n,j of clusters, all those whose n-th index is j:
+// "cluster" here is such a subset and R the rank of all its clusters together (MK-CTA, Eqs. 5, 6;
+// the products are its Eqs. 16 and 17).
+//
+// Rows may be tied: `tied` rows that follow each other (the colours of one light) share clusters,
+// and what is maximised is summed over them. Such a group is an item.
 #pragma once
 
 #include <cstdint>
 #include <span>
-#include <unordered_map>
 #include <vector>
 
 #include "nacre/executor.hpp"
@@ -18,6 +24,25 @@
 namespace nacre {
 
 using ClusterId = std::uint32_t;
+
+enum class SearchMethod {
+    kAuto,     // one clustered mode: kKcta; several: kOptimal for K < 3, else kGreedy
+    kKcta,     // greedy, each further cluster for the residual (K-CTA, Theorems 1 and 3)
+    kGreedy,   // greedy, each further cluster with all coefficients anew: orthogonal least squares
+               // (MK-CTA, Eq. 11 and Algorithm 3)
+    kOptimal,  // the best of all sets (MK-CTA, Eq. 4 and Algorithm 2)
+};
+
+// What a search needs to know.
+struct ReducedItems {
+    const double* projections;  // rows x (clusters * rank)
+    Index rows;
+    Index tied;           // divides rows
+    const MatrixD& gram;  // (clusters * rank)^2, rows and columns grouped by cluster
+    Index clusters, rank;
+
+    Index items() const { return rows / tied; }
+};
 
 // Symmetric matrices here are Gram matrices that came out of single precision products, and their
 // model is stored in half precision. Directions that differ from the others by less than this
@@ -29,48 +54,16 @@ inline constexpr double kDependent = 1e-6;
 // a cluster is. (For deficient G this is a generalised inverse, as good for least squares.)
 MatrixD inverse_factor(const MatrixD& gram);
 
-class ClusterSearch {
-  public:
-    // gram: (clusters * rank) x (clusters * rank), rows and columns grouped by cluster.
-    ClusterSearch(const MatrixD& gram, Index clusters, Index rank);
-
-    struct Mixture {
-        std::vector<ClusterId> clusters;  // ascending
-        VectorD coefficients;             // rank for each, in that order
-        double energy = 0;                // squared norm of the optimal projection
-    };
-
-    // The greedy search: the first mixture cluster by Theorem 1 (Eq. 9), each further one by
-    // Theorem 3 (Eq. 13), all coefficients anew by Theorem 4 (Eq. 15) after each.
-    // projections: clusters * rank.
-    Mixture greedy(std::span<const double> projections, Index mixtures);
-
-    // Eq. 15 for given clusters (distinct, in any order).
-    Mixture project(std::span<const double> projections, std::span<const ClusterId> clusters);
-
-  private:
-    const MatrixD& factor_of(const std::vector<ClusterId>& clusters);
-
-    const MatrixD& gram_;
-    Index clusters_, rank_;
-    std::vector<MatrixD> dual_;  // of each cluster: S_c^(-1/2), up to a rotation
-    // Factors of the sets that came up: a resampled mode has many rows and few sets.
-    struct Hash {
-        std::size_t operator()(const std::vector<ClusterId>& set) const;
-    };
-    std::unordered_map<std::vector<ClusterId>, MatrixD, Hash> factors_;
-};
-
 struct Membership {
-    std::vector<ClusterId> clusters;   // rows x mixtures, each row ascending
-    std::vector<double> coefficients;  // rows x mixtures x rank
+    std::vector<ClusterId> clusters;   // items x mixtures, each ascending
+    std::vector<double> coefficients;  // rows x mixtures x rank: Eq. 15 (MK-CTA: Eq. 8)
 };
 
-// The greedy search for every row of `projections` (rows x clusters * rank). `candidates`
-// (rows x sets x mixtures, may be empty) are further choices for each row; whichever explains most
-// energy after optimal projection wins, the greedy one in doubt.
-Membership search_clusters(Executor& executor, const double* projections, Index rows,
-                           const MatrixD& gram, Index clusters, Index rank, Index mixtures,
-                           std::span<const ClusterId> candidates = {}, Index sets = 0);
+// The clusters of every item. `candidates` (items x sets x mixtures, may be empty) are further
+// choices for each; whichever explains most energy after optimal projection wins, the search's own
+// in doubt. `method` is not kAuto.
+Membership search_clusters(Executor& executor, const ReducedItems& items, Index mixtures,
+                           SearchMethod method, std::span<const ClusterId> candidates = {},
+                           Index sets = 0);
 
 }  // namespace nacre

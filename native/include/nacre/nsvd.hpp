@@ -25,6 +25,8 @@ struct NsvdOptions {
     std::vector<Index> ranks;  // of each mode; 0 leaves a mode as it is, without a basis
     int iterations = 20;       // 0: the truncated HOSVD alone, each mode after the one before
     double tolerance = 1e-4;   // stop when the error falls by less than this part of itself
+    // Whether the core is wanted too, where it would take a pass of its own.
+    bool core = true;
     Workspace workspace = {};  // for the large tensors
     // Goes on after the last iteration of `start`, as given to `checkpoint`, which is called after
     // each: the result has the same bits as without the break.
@@ -36,26 +38,5 @@ struct NsvdOptions {
 // two for each further one; the last may end halfway, when it finds nothing to gain. With two ranks
 // and other modes left alone, nothing large is stored, for one pass more in the end.
 Tucker nsvd(Executor& executor, const TensorSource& source, const NsvdOptions& options);
-
-// The part of N-SVD that decomposes a tensor in memory whose first mode is the long one: the
-// members of a cluster. Keeps its memory from one call to the next.
-class MemberDecomposition {
-  public:
-    // ranks[0] is that of the first mode, which has min(ranks[0], members) basis columns, the rest
-    // being zero; rank 0 leaves a mode alone. `bases` (one for each mode, the first unused) are the
-    // start where they are not empty; all are updated, and so is the core.
-    void run(Executor& executor, const Tensor& tensor, const std::vector<Index>& ranks, int sweeps,
-             double tolerance, std::vector<MatrixF>& bases, Tensor& core);
-
-  private:
-    Tensor rest_, lead_, scratch_, other_;
-};
-
-// One pass of alternating least squares over modes 1, 2, ... of `tensor` (those with a rank), the
-// first mode being projected already: each basis from the tensor projected on the others. Bases
-// that are empty are first taken from the tensor truncated so far.
-void update_bases(Executor& executor, const Tensor& tensor, Index lead,
-                  const std::vector<Index>& ranks, std::vector<MatrixF>& bases, Tensor& a,
-                  Tensor& b);
 
 }  // namespace nacre

@@ -3,7 +3,7 @@ import pytest
 from small_btf import hemisphere
 
 from addon.datasets.directions import spherical_to_unit
-from addon.tables.interpolation import horizon_fade, raise_to_lowest, thin_plate_weights
+from addon.models.interpolation import horizon_fade, raise_to_lowest, thin_plate_weights
 from addon.tables.parabolic import texel_directions
 
 UP = np.array([[0.0, 0.0, 1.0]])

@@ -1,0 +1,1 @@
+"""Virtual instruments: Cycles renders of a patch in the scene become datasets."""

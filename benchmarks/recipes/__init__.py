@@ -1,0 +1,1 @@
+"""Materials built by script and measured with Cycles: data for tests of the models."""
