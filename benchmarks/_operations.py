@@ -18,13 +18,16 @@ the samples projected on its basis
                     Reads 2 N, writes and reads 4 S
     iteration       alternating least squares. From the second on, the projection again: 2 N R_n1,
                     reads 2 N, writes 4 S. For every other mode n: the projected tensor times the
-                    bases of all modes but n and n1, last mode first, and the Gram of n; reads 4 S.
-                    The samples times all bases but that of n1, last mode first, the Gram of n1 and
-                    the core; reads 2 N
+                    bases of all modes but n and n1, and the Gram of n; reads 4 S. Ends here if the
+                    error falls no more
+    completing      the samples times all bases but that of n1, the Gram of n1 and the core; reads
+                    2 N
+    Products with several bases go by falling 1/R_n - 1/I_n, which takes the fewest operations
 N-SVD of two modes a and b, the others left in full: nothing but Grams, so nothing is written
     covariance      N (I_a + 1)                           reads 2 N
     projection      2 N R_a + (N R_a / I_a) (I_b + 1)     reads 2 N
-    iteration       the same with a and b exchanged, and from the second on both; reads 2 N each
+    iteration       from the second on, that projection again; reads 2 N
+    completing      the same with a and b exchanged; reads 2 N
     core            as the projection on global bases, with which it counts once
 Global bases of one mode n (Section 5.2)
     covariance      N (I_n + 1)                           reads 2 N
@@ -97,7 +100,7 @@ class Counts:
         """
         if message.startswith("N-SVD: "):
             name, *number = message.removeprefix("N-SVD: ").split()
-            return self._nsvd(name, again=number not in ([], ["1"]))
+            return self._nsvd(name, again=number != ["1"])
         if message == "Global basis: covariance":
             (mode,) = self.settings.global_modes
             size = prod(self.shape)
@@ -127,13 +130,9 @@ class Counts:
         if stage == "core" or stage == "done":
             return []
         if len(rest) == 1:
-            along = [(first, rest[0])] if stage == "projection" else [(rest[0], first)]
-            if again:
-                along.append((first, rest[0]))
-            return [
-                Work(2 * size * ranks[a] + size * ranks[a] / shape[a] * (shape[b] + 1), 2 * size)
-                for a, b in along
-            ]
+            a, b = (rest[0], first) if stage == "completing" else (first, rest[0])
+            left = size * ranks[a] / shape[a]
+            return [Work(2 * size * ranks[a] + left * (shape[b] + 1), 2 * size)]
         small = size * ranks[first] / shape[first]
         project = Work(2 * size * ranks[first], 2 * size + 4 * small)
         if stage == "projection":
@@ -142,22 +141,24 @@ class Counts:
                 operations += left * (shape[n] + 1) + 2 * left * ranks[n]
                 left *= ranks[n] / shape[n]
             return [project, Work(operations, 4 * small)]
-        parts = [project] if again else []
+        rest.sort(key=lambda n: 1 / shape[n] - 1 / ranks[n])
+        if stage == "completing":
+            left, operations = float(size), 0.0
+            for n in rest:
+                operations += 2 * left * ranks[n]
+                left *= ranks[n] / shape[n]
+            operations += left * (shape[first] + 1) + 2 * left * ranks[first]
+            return [Work(operations, 2 * size)]
         operations = 0.0
         for n in rest:
             left = small
-            for other in reversed(rest):
+            for other in rest:
                 if other != n:
                     operations += 2 * left * ranks[other]
                     left *= ranks[other] / shape[other]
             operations += left * (shape[n] + 1)
-        parts.append(Work(operations, 4 * small * len(rest)))
-        left, operations = float(size), 0.0
-        for n in reversed(rest):
-            operations += 2 * left * ranks[n]
-            left *= ranks[n] / shape[n]
-        operations += left * (shape[first] + 1) + 2 * left * ranks[first]
-        return [*parts, Work(operations, 2 * size)]
+        others = Work(operations, 4 * small * len(rest))
+        return [project, others] if again else [others]
 
     def _projection(self) -> list[Work]:
         left = size = float(prod(self.shape))

@@ -104,17 +104,17 @@ bool Fit::converged() const {
 // already. It cannot raise the error, but rounding at its end can.
 bool Fit::iterate() {
     const double step = 0.6 / options_.iterations, begin = 0.4 + step * result_.iterations;
-    const std::string message = "N-SVD: iteration " + std::to_string(result_.iterations + 1);
+    const std::string message = "iteration " + std::to_string(result_.iterations + 1);
     const bool first = result_.iterations == 0;
     const double last = first ? 2 : result_.errors.back();  // no error is above 1
     std::vector<MatrixF> bases = result_.bases;
     // In a streamed fit, the start has found the other mode's basis from the lead mode's.
     if (!streamed_ || !first) {
-        executor_.stage(begin, begin + 0.4 * step, message);
+        executor_.stage(begin, begin + 0.4 * step, "N-SVD: " + message);
         const double error = update_others(bases);
         if (!first && last - error <= options_.tolerance * last) return false;
     }
-    executor_.stage(begin + 0.4 * step, begin + step, message);
+    executor_.stage(begin + 0.4 * step, begin + step, "N-SVD: completing " + message);
     Tensor core;
     const double error = update_lead(bases, core);
     if (error >= last) return false;
