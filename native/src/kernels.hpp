@@ -14,7 +14,7 @@ struct Kernels {
                     bool add, float* c, std::int64_t ldc);
 
     // The upper triangle of sum (rows x rows) += x x^T, x being rows x columns with row stride ldx.
-    // Products are added up in float over at most 512 columns.
+    // Products are added up in float over at most 784 columns.
     void (*gram)(std::int64_t rows, std::int64_t columns, const float* x, std::int64_t ldx,
                  double* sum);
 };

@@ -197,9 +197,13 @@ GramTile gram_tile_for(Int rows, Int columns) {
 constexpr Int kTileColumns = 4;
 
 void gram(Int rows, Int columns, const float* x, Int ldx, double* sum) {
-    constexpr Int kDepth = 512, kPanel = 12;  // rows that stay in the first cache
-    for (Int k = 0; k < columns; k += kDepth) {
-        const Int depth = least(kDepth, columns - k);
+    constexpr Int kDepth = 768, kPanel = 12;  // rows that stay in the first cache
+    // Parts of about equal depth, whole vectors: a short one would not be worth the sums at its
+    // end.
+    const Int parts = (columns + kDepth - 1) / kDepth;
+    const Int step = (columns / kWidth / parts + 1) * kWidth;
+    for (Int k = 0; k < columns; k += step) {
+        const Int depth = least(step, columns - k);
         const float* part = x + k;
         for (Int panel = 0; panel < rows; panel += kPanel) {
             const Int panel_end = least(panel + kPanel, rows);
