@@ -101,12 +101,16 @@ def _mix_clusters(
     items = basis.reshape(owners, len(members), tied, mixtures, rank).transpose(1, 2, 3, 0, 4)
     items = items.reshape(len(members), tied, mixtures, -1)
     gram = subspace_gram(model, mode)
+    clusters, size = gram.shape[1:3]
     # How each item projects on every cluster: the sum over k of u_k gram[c_k, c].
-    projections = np.einsum("itks,ikcsr->itcr", items, gram[members], optimize=True)
+    dense = np.zeros((len(members), tied, clusters, size))
+    np.put_along_axis(dense, members[:, None, :, None].astype(np.intp), items, 2)
+    square = gram.transpose(0, 2, 1, 3).reshape(clusters * size, -1)
+    projections = dense.reshape(len(members), tied, -1) @ square
     wanted = np.tensordot(weights, projections, (1, 0))
     search = "greedy" if mixtures > 2 else "optimal"
     found, rows = nacre_native.search_clusters(
-        wanted.reshape(-1, *wanted.shape[2:]),
+        wanted.reshape(-1, clusters, size),
         gram,
         mixtures,
         candidates=members[nearest],

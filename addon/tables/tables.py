@@ -77,7 +77,6 @@ def build_tables(
             f"a model clustered in {' and '.join(model.clusters)} cannot be shown yet: compress "
             "with a method that clusters only the view (kcta)"
         )
-
     if model.domain != "linear":
         raise NacreError(
             f"a model fitted in the {model.domain} domain cannot be shown yet: compress with "
