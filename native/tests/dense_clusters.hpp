@@ -2,12 +2,12 @@
 // tensor space.
 #pragma once
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 
 #include "check.hpp"
 #include "cluster_state.hpp"
 #include "decomposition_stage.hpp"
+#include "dense_algebra.hpp"
 
 namespace nacre::dense {
 
@@ -110,9 +110,8 @@ inline Array left_over(const ClusterState& state, const Array& a, Index but = -1
 
 // The leading left singular vectors of the mode's unfolding.
 inline MatrixD leading(const Array& a, std::size_t mode, Index rank) {
-    const MatrixD rows = unfold(a, mode);
-    const Eigen::SelfAdjointEigenSolver<MatrixD> solver(rows * rows.transpose());
-    return solver.eigenvectors().rowwise().reverse().leftCols(rank);
+    const MatrixD u = svd(unfold(a, mode)).u;
+    return u.leftCols(std::min(rank, u.cols()));
 }
 
 // A x_n U_n^T over every mode that has a basis, but for one.
@@ -145,18 +144,6 @@ inline Array nsvd(const Array& a, const std::vector<Index>& ranks, int sweeps,
     for (std::size_t n = 0; n < ranks.size(); ++n) {
         if (bases[n].size() > 0) result = mode_product(result, n, bases[n]);
     }
-    return result;
-}
-
-// The post-process (Section 3.5.3): orthonormal columns with the same span, by singular value
-// decomposition, as many as that has dimensions.
-inline MatrixD orthonormal(const MatrixD& basis) {
-    const Eigen::SelfAdjointEigenSolver<MatrixD> solver(basis.transpose() * basis);
-    const VectorD values = solver.eigenvalues();  // ascending
-    Index rank = 0;
-    for (Index i = 0; i < values.size(); ++i) rank += values(i) > 1e-6 * values.maxCoeff();
-    MatrixD result = (basis * solver.eigenvectors()).rightCols(rank);
-    for (Index i = 0; i < rank; ++i) result.col(i).normalize();
     return result;
 }
 

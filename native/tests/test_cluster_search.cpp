@@ -1,13 +1,15 @@
 // The searches of both papers against their formulas written out in the original tensor space.
-#include <Eigen/QR>
-#include <Eigen/SVD>
 #include <algorithm>
+#include <array>
 
 #include "check.hpp"
+#include "dense_algebra.hpp"
 #include "nacre/cluster_search.hpp"
 #include "nacre/core_gram.hpp"
 
 using namespace nacre;
+using dense::inverse_root;
+using dense::pseudo_inverse;
 
 namespace {
 
@@ -33,17 +35,6 @@ Model random_model() {
         }
     }
     return model;
-}
-
-MatrixD pseudo_inverse(const MatrixD& m) {
-    return m.completeOrthogonalDecomposition().pseudoInverse();
-}
-
-// (S S^T)^(-1/2)
-MatrixD inverse_root(const MatrixD& m) {
-    const Eigen::JacobiSVD<MatrixD> svd(m, Eigen::ComputeFullU);
-    const VectorD root = svd.singularValues().cwiseSqrt().cwiseInverse();
-    return svd.matrixU() * root.asDiagonal() * svd.matrixU().transpose();
 }
 
 // All sets of K clusters in order.

@@ -142,9 +142,12 @@ void check_model(const TensorSource& source, const Tensor& tensor,
     }
     CHECK(same(fit(source, options, 1), model));
     CHECK(same(fit(source, options, 3), model));
-    // From any of its states the fit ends the same.
+    // From any of its states the fit ends the same: the first two and the last are tried.
     CHECK(states.size() + 1 >= model.errors.size());
-    for (const ClusteredTucker& state : states) CHECK(same(fit(source, options, 2, &state), model));
+    for (std::size_t i = 0; i < states.size(); ++i) {
+        if (i > 1 && i + 1 < states.size()) continue;
+        CHECK(same(fit(source, options, 2, &states[i]), model));
+    }
 }
 
 void check_model(const Tensor& tensor, const Shape& ranks, const std::vector<Clusters>& clusters,

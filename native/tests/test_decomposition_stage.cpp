@@ -157,7 +157,7 @@ int main() {
                     fresh);
         // Ranks above the members (but none that the other ranks cannot fill, where any direction
         // does).
-        check_stage({mode(5, 1, 4, 1, 2), mode(5, 1, 4, 2, 3)}, {4}, {2}, 6, fresh);
+        check_stage({mode(5, 1, 4, 1, 2), mode(5, 1, 4, 2, 2)}, {4}, {2}, 6, fresh);
     }
     // Clusters without members stay as they are.
     check_stage({mode(3, 1, 6, 1, 2), mode(4, 1, 3, 1, 2)}, {4, 3}, {2, 0}, 7, false);

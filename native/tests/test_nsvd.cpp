@@ -1,6 +1,5 @@
-#include <Eigen/SVD>
-
 #include "check.hpp"
+#include "dense_algebra.hpp"
 #include "nacre/mode_product.hpp"
 #include "nacre/nsvd.hpp"
 
@@ -20,9 +19,7 @@ dense::Array reconstruct(const Tensor& core, const std::vector<MatrixF>& bases) 
 double reference_error(const dense::Array& a, const Shape& ranks, int sweeps) {
     std::vector<MatrixD> bases;
     const auto basis_of = [](const dense::Array& t, std::size_t n, Index rank) {
-        return MatrixD(Eigen::JacobiSVD<MatrixD>(dense::unfold(t, n), Eigen::ComputeThinU)
-                           .matrixU()
-                           .leftCols(rank));
+        return MatrixD(dense::svd(dense::unfold(t, n)).u.leftCols(rank));
     };
     for (std::size_t n = 0; n < ranks.size(); ++n) bases.push_back(basis_of(a, n, ranks[n]));
     for (int s = 0; s < sweeps; ++s) {
@@ -108,9 +105,8 @@ int main() {
     const double rest = dense::distance(reconstruct(partial.core, partial.bases), array);
     CHECK_NEAR(rest * rest / array.squared_norm(), partial.errors.back(), 1e-5);
     const Tucker single = nsvd(executor, source, {{0, 0, 4, 0}, 30, 1e-6});
-    const Eigen::JacobiSVD<MatrixD> svd(dense::unfold(array, 2));
-    CHECK_NEAR(single.errors.back(),
-               svd.singularValues().tail(4).squaredNorm() / array.squared_norm(), 1e-5);
+    const VectorD values = dense::svd(dense::unfold(array, 2)).s;
+    CHECK_NEAR(single.errors.back(), values.tail(4).squaredNorm() / array.squared_norm(), 1e-5);
     CHECK(nsvd(executor, source, {{0, 0, 0, 0}, 30, 1e-6}).core.shape() == shape);
 
     check_resumes(executor, tensor, ranks, 7);
@@ -121,9 +117,8 @@ int main() {
     CHECK(hosvd.iterations == 0 && hosvd.errors.size() == 1);
     dense::Array truncated = array;
     for (std::size_t n = 0; n < ranks.size(); ++n) {
-        const Eigen::JacobiSVD<MatrixD> left(dense::unfold(truncated, n), Eigen::ComputeThinU);
-        truncated =
-            dense::mode_product(truncated, n, left.matrixU().leftCols(ranks[n]).transpose());
+        const MatrixD left = dense::svd(dense::unfold(truncated, n)).u.leftCols(ranks[n]);
+        truncated = dense::mode_product(truncated, n, left.transpose());
     }
     CHECK_NEAR(hosvd.errors[0], 1 - truncated.squared_norm() / array.squared_norm(), 1e-6);
     CHECK(hosvd.errors[0] > tucker.errors.back());
