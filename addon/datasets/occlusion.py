@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from .dataset import Dataset
 
-REACH = 4.0
+REACH = 2.0
 """Distances end this many texels from a boundary.
 
 The paper lets them grow without end. Those far from every boundary then make up most of the energy
-that a fit approximates, and say nothing of the mask; `benchmarks/occlusion.py` has both.
+that a fit approximates, and say nothing of the mask: thin fibres drown. `benchmarks/occlusion.py`
+has both, and what other ends give.
 """
 
 MAPPINGS = {"mask": (0.5, 1.0), "signed-distance": (0.05, 12.0)}

@@ -32,7 +32,7 @@ MASKS = hnp.arrays(bool, st.tuples(*[st.integers(1, 3)], *[st.integers(1, 7)] * 
 
 
 @settings(max_examples=150, deadline=None, derandomize=True)
-@given(MASKS, st.booleans(), st.sampled_from([1.0, 2.5, REACH, np.inf]))
+@given(MASKS, st.booleans(), st.sampled_from([1.0, 2.5, REACH, 4.0, np.inf]))
 def test_distances_are_those_of_all_pairs(masks, periodic, reach):
     found = signed_distance(masks, periodic, reach)
     assert found.dtype == np.float32
@@ -150,5 +150,5 @@ def test_distances_wrap_only_where_the_patch_does(tmp_path):
     for periodic in (True, False):
         dataset = write_occlusion(tmp_path / "a.nacre", masks, periodic=periodic)
         found[periodic] = with_value(dataset, "signed-distance").samples[0, :, 0]
-    np.testing.assert_allclose(found[True], np.array([1, -1, -2, -3, -2, -1]) / 4)
-    np.testing.assert_allclose(found[False], np.array([1, -1, -2, -3, -4, -4]) / 4)
+    np.testing.assert_allclose(found[True], np.array([1, -1, -2, -2, -2, -1]) / 2)
+    np.testing.assert_allclose(found[False], np.array([1, -1, -2, -2, -2, -2]) / 2)
