@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import secrets
 from collections.abc import Iterator
-from math import inf, log, prod
+from math import exp, inf, log, prod
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +35,7 @@ _NEAR_DB = 0.02
 _NEAR_BYTES = 0.01
 _TRIES = 6
 _STEEPNESS = 10.0  # files shrink by a tenth where the share trebles, about
+_JUMP = 5.0  # of the share's logarithm, from one try to the next
 _BLOCK_BYTES = 32 * 2**20
 
 
@@ -114,7 +115,8 @@ def land_on_bytes(
             steepness = max(log(share / last[0]) / log(last[1] / size), _STEEPNESS / 4.0)
         last = share, size
         low, high = (low, share) if size <= limit else (share, high)
-        share *= (size / (limit * (1.0 - _NEAR_BYTES / 2.0))) ** steepness
+        excess = log(size / (limit * (1.0 - _NEAR_BYTES / 2.0)))
+        share *= exp(min(max(steepness * excess, -_JUMP), _JUMP))
         if not low < share < high:
             share = (low * high) ** 0.5
     if best is None:

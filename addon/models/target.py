@@ -50,10 +50,12 @@ _GENEROUS = 1.5  # ranks of a trial's fit over those that are expected to be bes
 _REGAINED = 0.25  # of a truncation's loss, by a fit at the smaller ranks, where there are clusters
 _TRIALS = 8  # numbers of clusters
 _FITS = 4  # at the chosen ranks
-_SAVED, _SAVED_BYTES = 12, 2**23  # truncations that are saved to see how large their files are
-_CURVE_BYTES = 2000  # of the description, for the curve
+_SPARE = (1.0, 0.4, 2.5)  # times the usual rounding: what a truncation may leave to it
+_SAVED, _SAVED_BYTES = 4, 2**23  # truncations for each that are saved, and all their files
+_CURVE_BYTES = 1500  # of the description, for the curve
+_CLUSTERS_COST = 3.0  # dB that clusters may cost at a given size, at the very most
 _ROOM = 64  # bytes for digits of the description that change after a file was measured
-_HALF_FLOATS = 60.0  # dB that the file's 16-bit numbers allow, about
+_HALF_FLOATS = 66.0  # dB that the file's 16-bit numbers allow, about
 _TINY = 1e-30
 _MOST_DB = 120.0  # stands for no error at all
 
@@ -83,11 +85,13 @@ def compress_to_target(
     request.
     """
     _check(dataset, method, snr_db, megabytes)
+    target = {"snr_db": snr_db, "megabytes": megabytes}
     work = _Search(
         dataset,
         method,
+        {name: value for name, value in target.items() if value is not None},
         snr_db or 0.0,
-        None if megabytes is None else int(megabytes * 1e6),
+        None if megabytes is None else int(megabytes * 1e6) - _CURVE_BYTES,
         folder,
         {
             "global_modes": global_modes,
@@ -125,7 +129,8 @@ class _Trial:
 class _Search:
     """One search and what it has found out.
 
-    limit          the target in bytes, or None where it is the quality `snr_db`
+    target         what the user asked for
+    limit          of a file's bytes, its curve aside, or None if the aim is the quality `snr_db`
     slope          of the curve: log bytes for a dB
     density        bytes for a number, the description aside
     regained       see Truncations.errors
@@ -134,6 +139,7 @@ class _Search:
 
     dataset: Dataset
     method: str
+    target: dict[str, float]
     snr_db: float
     limit: int | None
     folder: Path
@@ -169,7 +175,19 @@ class _Search:
                     self.best, _ = found
                     self.slope = start.table.slope(self.best.ranks)
                     error = start.table.error_at(self.best.ranks, 0.0)
+                self.heed_noise(error)
             larger = larger_ranks(self.reduced, self.best.ranks if found else {}, error)
+
+    def heed_noise(self, squared_error: float) -> None:
+        """Aim at the dataset's own noise where the size has room for more than that.
+
+        `squared_error` is an N-SVD's of the size.
+        """
+        floor_db = self.dataset.noise_floor_db
+        if self.limit is None or floor_db is None:
+            return
+        if self.decibels(squared_error) > floor_db + _CLUSTERS_COST:  # any method gets there
+            self.limit, self.snr_db = None, floor_db
 
     def walk(self) -> None:
         """The best numbers of clusters, from where C_n R_n is N-SVD's rank."""
@@ -238,7 +256,11 @@ class _Search:
             if self.limit is None:
                 landed = land_on_quality(model, error, fit_db, self.snr_db, *rest)
             else:
-                landed = land_on_bytes(model, error, self.limit - _ROOM, *rest)
+                limit = self.limit + _CURVE_BYTES - _ROOM
+                landed = land_on_bytes(model, error, limit, *rest)
+                floor_db = self.dataset.noise_floor_db
+                if landed is not None and floor_db is not None and landed[1] > floor_db:
+                    landed = land_on_quality(model, error, fit_db, floor_db, *rest) or landed
             if landed is not None:
                 model, snr_db = landed[0], min(landed[1], _MOST_DB)
                 seconds = round(time.monotonic() - self.started, 3)
@@ -252,17 +274,19 @@ class _Search:
     def choose(self, trial: _Trial) -> tuple[_Trial, float] | None:
         """The truncation that is best for the target, as far as is known, and its merit.
 
-        Numbers alone say only about how large a file is, so the first few truncations are saved.
+        Numbers say only about how large a file is, so that the first few truncations are saved.
         None where the target is out of reach.
         """
-        table = trial.table
-        if self.limit is None:
-            found = table.smallest(self.most / (1.0 + USUAL / 3.0), self.regained, _SAVED)
-        else:
-            room = max(self.limit - self.beside, 0) / self.density
-            found = table.closest(room, self.regained, _SAVED)
+        table, found = trial.table, []
+        for spare in _SPARE:
+            if self.limit is None:
+                enough = self.most / (1.0 + spare * USUAL)
+                found += table.smallest(enough, self.regained, _SAVED)
+            else:
+                room = (self.limit / size_at(spare * USUAL) - self.beside) / self.density
+                found += table.closest(room, self.regained, _SAVED)
         judged = []
-        for ranks in found:
+        for ranks in {tuple(ranks.values()): ranks for ranks in found}.values():
             error = table.error_at(ranks, self.regained)
             size = self.measure(truncate(trial.model, ranks), error)
             judged.append((self.merit(error, size), size, ranks))
@@ -342,16 +366,13 @@ class _Search:
         self, model: ClusteredTucker, snr_db: float, size: int, seconds: float
     ) -> ClusteredTucker:
         """A model that says how it was made, how good it is, and where that is on the curve."""
-        target = {"snr_db": self.snr_db}
-        if self.limit is not None:
-            target = {"megabytes": self.limit / 1e6}
         curve = [*self.walked, _point(model, snr_db, size)]
         kept = ("method", "search", "seed", "iterations", "errors")
         fit = {
             **{key: model.fit[key] for key in kept},
             "snr_db": round(snr_db, 4),
             "seconds": seconds,
-            "target": target,
+            "target": self.target,
             "rate_distortion": sorted(curve, key=lambda point: point["bytes"]),
         }
         return replace(model, fit=fit)
@@ -360,15 +381,15 @@ class _Search:
         """What a user is told whose target none of the fits reaches."""
         name = self.dataset.path.name
         if self.limit is not None:
-            least = min(fitted.bytes for fitted in found)
+            least = min(fitted.bytes for fitted in found) + _CURVE_BYTES
             return NacreError(
-                f"{name}: no {self.method} model fits in {self.limit / 1e6:g} MB; the smallest "
-                f"takes about {least / 1e6:.3f} MB"
+                f"{name}: no {self.method} model fits in {self.target['megabytes']:g} MB; the "
+                f"smallest takes about {least / 1e6:.3f} MB"
             )
         most = max(self.decibels(fitted.squared_error) for fitted in found)
         return NacreError(
             f"{name}: {self.method} does not reach {self.snr_db:g} dB; give --target-db "
-            f"{floor(10.0 * min(most, _HALF_FLOATS)) / 10.0:g} or less"
+            f"{floor(10.0 * min(most, _HALF_FLOATS)) / 10.0 - 0.1:g} or less"
         )
 
     def decibels(self, squared_error: float) -> float:
@@ -416,6 +437,11 @@ def _check(dataset: Dataset, method: str, snr_db: float | None, megabytes: float
         raise NacreError(f"method {method!r}: expected one of {', '.join(METHODS)}")
     if (snr_db is None) == (megabytes is None):
         raise NacreError("give a target quality or a target size, and not both")
+    if snr_db is not None and snr_db > _HALF_FLOATS:
+        raise NacreError(
+            f"{dataset.path.name}: a model's 16-bit numbers do not reach {snr_db:g} dB; give "
+            f"--target-db {_HALF_FLOATS:g} or less"
+        )
     floor_db = dataset.noise_floor_db
     if snr_db is not None and floor_db is not None and snr_db > floor_db:
         raise NacreError(
