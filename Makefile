@@ -10,9 +10,10 @@ NATIVE_FILES := $(shell find native -name build -prune -o -name '*.[ch]pp' -prin
 # What a studio tool may use without Blender, and what builds it all.
 TYPED := $(wildcard $(addprefix addon/,errors.py cli.py samples.py verbs datasets models tables)) tools
 NATIVE_TESTS := build/native-tests
+SANITIZED_TESTS := build/native-tests-sanitized
 
 .DEFAULT_GOAL := help
-.PHONY: help setup .venv missing-packages demo test lint test-native test-python acceptance bench \
+.PHONY: help setup .venv missing-packages demo test lint test-native test-sanitizers test-python acceptance bench \
 	extension format clean
 .NOTPARALLEL:
 # Folders of other projects would shadow ours.
@@ -33,7 +34,7 @@ missing-packages: # Print the system packages that setup would ask for
 demo: .venv ## Compress a measured material and render it with EEVEE and Cycles into out/demo
 	@$(PYTHON) -m tools.demo
 
-test: setup lint test-native test-python ## Run every check and test
+test: setup lint test-native test-sanitizers test-python ## Run every check and test
 
 lint: .venv ## Check style and types
 	$(PYTHON) -m ruff check .
@@ -46,6 +47,14 @@ test-native: .venv ## Build and run the C++ tests
 		-DCMAKE_MAKE_PROGRAM="$(CURDIR)/.venv/bin/ninja" -DPython_EXECUTABLE="$(CURDIR)/$(PYTHON)"
 	$(PYTHON) -m cmake --build $(NATIVE_TESTS)
 	CTEST_OUTPUT_ON_FAILURE=1 $(PYTHON) -m cmake --build $(NATIVE_TESTS) --target test
+
+test-sanitizers: .venv ## Run the C++ tests with the address and undefined-behaviour sanitizers
+	$(PYTHON) -m cmake -S native -B $(SANITIZED_TESTS) -G Ninja -DNACRE_TESTS=ON \
+		-DNACRE_SANITIZE=address,undefined -DCMAKE_BUILD_TYPE=Release \
+		-DCMAKE_CXX_FLAGS_RELEASE="-O1 -fno-sanitize-recover=all" \
+		-DCMAKE_MAKE_PROGRAM="$(CURDIR)/.venv/bin/ninja" -DPython_EXECUTABLE="$(CURDIR)/$(PYTHON)"
+	$(PYTHON) -m cmake --build $(SANITIZED_TESTS)
+	CTEST_OUTPUT_ON_FAILURE=1 $(PYTHON) -m cmake --build $(SANITIZED_TESTS) --target test
 
 test-python: setup ## Run the Python tests in each environment
 	@if [ -d .venv-311 ]; then .venv-311/bin/python -m pytest; fi

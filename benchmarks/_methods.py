@@ -21,13 +21,14 @@ MIB = 2**20
 class Settings:
     """ranks of (light rows, view, y, x); clusters and mixtures of (light, view), 1 for none.
 
-    Which modes are global follows the papers: the light mode for CTA and K-CTA, x and y for MK-CTA.
+    Global are the modes of the papers' tables: light for CTA and K-CTA, x and y for MK-CTA.
     """
 
     ranks: tuple[int, int, int, int]
     clusters: tuple[int, int] = (1, 1)
     mixtures: tuple[int, int] = (1, 1)
     search: str = "auto"
+    coarse: int = 1
 
     @property
     def method(self) -> str:
@@ -83,16 +84,14 @@ def fit(dataset: Dataset, settings: Settings) -> Fit:
         )
         if clusters > 1
     }
-    options = {} if settings.search == "auto" else {"search": settings.search}
-    if clustered:
-        options["global_modes"] = ("y", "x") if settings.method == "mkcta" else ("light",)
     model = compress(
         dataset,
         settings.method,
         ranks=dict(zip(MODES, settings.ranks, strict=True)),
         clusters={mode: clusters for mode, (clusters, _) in clustered.items()},
         mixtures={mode: mixtures for mode, (_, mixtures) in clustered.items()},
-        **options,
+        search=settings.search,
+        coarse=settings.coarse,
     )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.exr"

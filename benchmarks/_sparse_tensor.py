@@ -101,7 +101,7 @@ def fit_sparse_tensor(
     *,
     atoms: tuple[int, int],
     sparsity: tuple[int, int],
-    iterations: int = 15,
+    iterations: int = 10,
     training: int = 4096,
     seed: int = 0,
 ) -> SparseTensor:
@@ -110,27 +110,34 @@ def fit_sparse_tensor(
     atoms      (D_1, D_2) light vectors and view-light slices
     sparsity   (k_1, k_2) coefficients for each view of each slice, and for each position
     iterations of K-SVD, each mode
-    training   at most so many positions, drawn at random, shape the slices; all are coded
+    training   at most so many positions, and later light vectors, shape a dictionary, drawn at
+               random; all are coded
 
     The codes of the positions are found anew once the slices have been approximated: the paper
     does not, and it is in its favour.
     """
     generator = np.random.default_rng(seed)
-    chosen = signals
-    if len(signals) > training:
-        chosen = signals[np.sort(generator.choice(len(signals), training, replace=False))]
+    chosen = _some(signals, training, generator)
     codes = k_svd(rotated(chosen), atoms[1], sparsity[1], iterations, generator)[1]
     usage = codes.dense(atoms[1])
     # Slices as large as their use, so that the second mode spends its error where it shows least.
     slices = best_dictionary(usage, chosen) * np.linalg.norm(usage, axis=0)[:, None]
     vectors = slices.reshape(atoms[1], rows, -1).transpose(2, 0, 1).reshape(-1, rows)
-    dictionary, view = k_svd(vectors, atoms[0], sparsity[0], iterations, generator)
+    chosen = _some(vectors, training, generator)
+    dictionary = k_svd(chosen, atoms[0], sparsity[0], iterations, generator)[0]
+    view = sparse_codes(dictionary, vectors, sparsity[0])
     # Each slice gets the largest value 1 in its codes, for the sake of half floats.
     grid = np.abs(view.value).reshape(-1, atoms[1], sparsity[0])
     scale = np.maximum(grid.max(axis=(0, 2)), np.finfo(grid.dtype).tiny)
     view = Codes(view.index, view.value / np.tile(scale, len(grid))[:, None])
     position = sparse_codes(_slices(dictionary, view, atoms[1]), signals, sparsity[1])
     return SparseTensor(dictionary, view, position, atoms[1])
+
+
+def _some(signals: Array, count: int, generator: np.random.Generator) -> Array:
+    if len(signals) <= count:
+        return signals
+    return signals[np.sort(generator.choice(len(signals), count, replace=False))]
 
 
 def _slices(dictionary: Array, view: Codes, slices: int) -> Array:

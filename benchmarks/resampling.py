@@ -123,11 +123,10 @@ def _spline(kept: Dataset, samples: Samples, light: NDArray, view: NDArray) -> P
 
 
 def _resampled(model: ClusteredTucker, light: NDArray, view: NDArray) -> Parts:
-    lights, views = (np.asarray(model.dataset[mode]) for mode in ("light", "view"))
     return (
-        resample(model, light, views).decode(),
-        resample(model, lights, view).decode(),
-        resample(model, light, views).decode(),
+        resample(model, lights=light).decode(),
+        resample(model, views=view).decode(),
+        resample(model, light, view).decode(),
     )
 
 

@@ -30,7 +30,7 @@ from ._sparse_tensor import fit_sparse_tensor, sparse_tensor_bytes
 Array = NDArray[np.floating]
 
 ATOMS = (256, 256)
-VIEW_SHARES = (0.5, 0.7, 0.85)
+VIEW_SHARES = (0.7, 0.85, 0.95)
 """How much of the codes' bytes goes to the views of the slices."""
 
 DIFFERENCE = 3.0
@@ -41,10 +41,10 @@ YUV = np.array(
 )
 """Luminance and chroma of linear Rec.709."""
 
-DARK = 1e-3
+DARK = 1e-2
 """Added to the luminance before its logarithm."""
 
-CHROMA_SHARE = 0.25
+CHROMA_SHARE = 0.4
 """How much of the size the chroma gets."""
 
 
@@ -191,7 +191,7 @@ def _logarithmic(label: str, samples: Array, size: int, place: tuple[int, int]) 
     parts = (np.log(luminance), yuv[..., 1:] / luminance)
     sizes = (round((1 - CHROMA_SHARE) * size), round(CHROMA_SHARE * size))
     sparsity = [
-        _sparsity(part.shape, share, VIEW_SHARES[1])
+        _sparsity(part.shape, share, VIEW_SHARES[0])
         for part, share in zip(parts, sizes, strict=True)
     ]
     first, second = (_coded(part, k) for part, k in zip(parts, sparsity, strict=True))

@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 
 from ..errors import NacreError
-from ..shaders import shader_text
+from ..shader_files import shader_text
 
 SHADER = "hemisphere_camera.osl"
 
@@ -31,11 +31,16 @@ class Tiles:
 
     @property
     def columns(self) -> int:
-        return math.ceil(math.sqrt(self.count))
+        return max(math.ceil(math.sqrt(self.count)), self._least)
 
     @property
     def rows(self) -> int:
-        return math.ceil(self.count / self.columns)
+        return max(math.ceil(self.count / self.columns), self._least)
+
+    @property
+    def _least(self) -> int:
+        """Blender renders no picture of less than 4 pixels in width or height."""
+        return math.ceil(4 / self.texels)
 
     @property
     def picture_size(self) -> tuple[int, int]:

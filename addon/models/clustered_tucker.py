@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..datasets.dataset import KINDS
+from .domain import to_linear
 
 
 def modes_of(kind: str) -> tuple[str, ...]:
@@ -45,7 +46,8 @@ class ClusteredTucker:
     clusters  for each clustered mode, its number of clusters.
     dataset   what the decoded samples are: light, view, channels, patch_size, periodic, source ...
               of a BTF; view, value, patch_size ... of occlusion.
-    fit       how it was made: method, seed, iterations, relative squared errors.
+    fit       how it was made: method, seed, iterations, relative squared errors, and the domain of
+              the fitted colours (models.domain; linear where it is not said).
     kind      "btf" or "occlusion".
     """
 
@@ -71,6 +73,11 @@ class ClusteredTucker:
     def mixtures(self) -> dict[str, int]:
         """The number of mixture clusters of each clustered mode."""
         return {mode: members.shape[1] for mode, members in self.members.items()}
+
+    @property
+    def domain(self) -> str:
+        """What the core and the bases are a model of: "linear" or "log" colours."""
+        return str(self.fit.get("domain", "linear"))
 
     @property
     def channels(self) -> int:
@@ -108,7 +115,8 @@ class ClusteredTucker:
         rows["light"] = (channels * lights[:, None] + np.arange(channels)).ravel()
         block = self._decode_rows(rows)
         lit = block.reshape(len(lights), channels, *block.shape[1:])
-        return np.ascontiguousarray(np.moveaxis(lit, 1, -1))
+        values = np.ascontiguousarray(np.moveaxis(lit, 1, -1))
+        return to_linear(values) if self.domain == "log" else values
 
     def _decode_rows(self, rows: Mapping[str, NDArray[np.intp]]) -> NDArray[np.float32]:
         """The approximated tensor at some rows of each mode."""

@@ -68,9 +68,10 @@ def coarse_start(
             mode: rows[: small.shape[mode]] if mode in modes else rows
             for mode, rows in directions.items()
         }
-        model: dict[str, Any] = nacre_native.fit_clustered(
+        fitted = nacre_native.fit_clustered(
             small, ranks, directions=places, start=start, progress=progress, **shared
         )
+    model: dict[str, Any] = {**fitted}
     for mode in modes:
         _upsample(model, mode, samples.shape[mode], factor)
     return {**model, "errors": []}

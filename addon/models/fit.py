@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from math import log10
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,9 @@ from ..errors import Cancelled, NacreError
 from .checkpoint import Checkpoint
 from .clustered_tucker import MODES, ClusteredTucker, modes_of
 from .coarse import coarse_start
+from .domain import check_domain
 from .precision import round_model
+from .snr import measure_snr
 
 METHODS = ("nsvd", "cta", "kcta", "mkcta")
 SEARCHES = ("auto", "kcta", "greedy", "optimal")
@@ -76,6 +79,7 @@ def compress(
     global_modes: tuple[str, ...] | None = None,
     search: str = "auto",
     coarse: int = 1,
+    domain: str = "linear",
     seed: int = 0,
     threads: int = 0,
     memory: int = 0,
@@ -98,6 +102,9 @@ def compress(
                   for K < 3 and "greedy" beyond
     coarse        begin with a fit of texels averaged over this many along y and x, where these are
                   not global (MK-CTA, Section 5.2)
+    domain        "linear", or "log" to fit log luminance with chroma (models.domain), for an error
+                  that looks the same in the dark as in the light; `fit["errors"]` are of the
+                  domain, `fit["snr_db"]` of linear values
     threads       0 for every core; the result does not depend on it
     memory        bytes of anonymous memory that the process may take; 0 for no bound. What does not
                   fit goes to files beside `state`
@@ -115,6 +122,7 @@ def compress(
         default = {"nsvd": (), "mkcta": ("y", "x")}.get(method, ("light",))
         global_modes = tuple(mode for mode in default if mode in modes and mode not in clusters)
     _check(dataset, method, ranks, clusters, mixtures, global_modes, search)
+    check_domain(domain, dataset)
     started = time.monotonic()
     # To the compiled helper, occlusion is a BTF of one light, whose basis is one number for all.
     missing = tuple(mode for mode in MODES if mode not in modes)
@@ -129,6 +137,7 @@ def compress(
         "global_modes": list(global_modes),
         "search": search,
         "coarse": coarse,
+        "domain": domain,
         "seed": seed,
     }
     checkpoint = Checkpoint(state, settings, dataset) if state else None
@@ -140,10 +149,10 @@ def compress(
         "checkpoint": checkpoint.save if checkpoint else None,
         "progress": progress,
     }
-    result: nacre_native.NsvdModel | nacre_native.ClusteredModel
+    result: dict[str, Any]
     try:
         if method == "nsvd":
-            result = nacre_native.fit_nsvd(samples, order, **shared)
+            result = {**nacre_native.fit_nsvd(samples, order, domain=domain, **shared)}
         else:
             clustering: dict[str, Any] = {
                 "clusters": {MODES.index(mode): count for mode, count in clusters.items()},
@@ -151,6 +160,7 @@ def compress(
                 "global_modes": tuple(MODES.index(mode) for mode in (*missing, *global_modes)),
                 "directions": {MODES.index(mode): _places(dataset, mode) for mode in clusters},
                 "search": search,
+                "domain": domain,
                 "tolerance": 5e-4 if len(clusters) == 1 else 2e-3,
                 "seed": seed,
             }
@@ -165,7 +175,7 @@ def compress(
                     progress=progress,
                     **clustering,
                 )
-            result = nacre_native.fit_clustered(samples, order, **clustering, **shared)
+            result = {**nacre_native.fit_clustered(samples, order, **clustering, **shared)}
     except nacre_native.Cancelled as error:
         if checkpoint and not resume:
             checkpoint.remove()
@@ -190,6 +200,7 @@ def compress(
         fit={
             "method": method,
             "search": search,
+            **({"domain": domain} if dataset.kind == "btf" else {}),
             "seed": seed,
             "iterations": int(result["iterations"]),
             "passes": int(result["passes"]),
@@ -199,7 +210,11 @@ def compress(
         },
         kind=dataset.kind,
     )
-    return round_model(model, errors[-1] * result["squared_norm"])
+    model = round_model(model, errors[-1] * result["squared_norm"])
+    if domain == "linear":
+        return model
+    snr_db = round(measure_snr(dataset, model, progress), 4)
+    return replace(model, fit={**model.fit, "snr_db": snr_db})
 
 
 def mode_sizes(dataset: Dataset) -> dict[str, int]:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .clustered_tucker import ClusteredTucker
-from .interpolation import horizon_fade, thin_plate_weights
+from .interpolation import thin_plate_weights
 from .subspaces import subspace_gram
 
 Angular = Literal["light", "view"]
@@ -47,9 +47,9 @@ def resample(
 ) -> ClusteredTucker:
     """The model at unit directions lights (n, 3) and views (m, 3), as sparse as it was.
 
-    None keeps a mode as it is. Measured directions keep their rows and clusters. Lights lower than
-    the lowest measured one fade with their cosine to 0 at the horizon; lower views take the
-    elevation of the lowest.
+    None keeps a mode as it is. Measured directions keep their rows and clusters; ones lower than
+    the lowest measured take its elevation. Of low lights that leaves the cosine out, with which
+    values fade to the horizon (interpolation.horizon_fade): a model of logarithms cannot hold it.
     """
     bases, members, dataset = dict(model.bases), dict(model.members), dict(model.dataset)
     wanted: dict[Angular, NDArray[np.floating] | None] = {"light": lights, "view": views}
@@ -72,13 +72,8 @@ def resample_mode(model: ClusteredTucker, mode: Angular, directions: NDArray[np.
     same = np.linalg.norm(directions - measured[nearest[:, 0]], axis=1) < SAME
     weights[same] = np.eye(len(measured))[nearest[same, 0]]
     if mode in model.clusters:
-        rows = _mix_clusters(model, mode, weights, nearest, same)
-    else:
-        rows = Rows(_mix_rows(model.bases[mode], weights), None)
-    if mode == "light":
-        fade = np.repeat(horizon_fade(measured, directions), model.channels)
-        rows = replace(rows, basis=rows.basis * fade[:, None, None])
-    return rows
+        return _mix_clusters(model, mode, weights, nearest, same)
+    return Rows(_mix_rows(model.bases[mode], weights), None)
 
 
 def _mix_rows(basis: NDArray[np.float32], weights: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ..errors import Cancelled, NacreError
 from ..models.clustered_tucker import ClusteredTucker, expand
+from ..models.interpolation import horizon_fade
 from ..models.resample import resample_mode
 from .parabolic import texel_directions
 
@@ -66,8 +67,8 @@ def build_tables(
     """Resample a model's directions to parabolic maps of `size` and expand its core.
 
     Each map texel has the rows and clusters of its direction (models.resample).
-    Raises NacreError for occlusion, and when the light mode or a spatial mode is clustered;
-    Cancelled on request.
+    Raises NacreError for occlusion, when the light mode or a spatial mode is clustered, and when
+    colours were fitted as logarithms; Cancelled on request.
     """
     if model.kind != "btf":
         raise NacreError(f"a model of {model.kind} cannot be shown yet: choose one of a BTF")
@@ -77,14 +78,21 @@ def build_tables(
             "with a method that clusters only the view (kcta)"
         )
 
+    if model.domain != "linear":
+        raise NacreError(
+            f"a model fitted in the {model.domain} domain cannot be shown yet: compress with "
+            "--domain linear"
+        )
+
     def step(fraction: float, message: str) -> None:
         if progress is not None and not progress(fraction, message):
             raise Cancelled
 
     directions = texel_directions(size).reshape(-1, 3)
     step(0.0, "Resampling lights")
-    light = resample_mode(model, "light", directions).basis
-    light = light.reshape(size, size, model.channels, -1).transpose(2, 0, 1, 3)
+    light = resample_mode(model, "light", directions).basis.reshape(size, size, model.channels, -1)
+    fade = horizon_fade(np.asarray(model.dataset["light"], float), directions)
+    light = (light * fade.reshape(size, size, 1, 1)).transpose(2, 0, 1, 3)
 
     step(0.2, "Resampling views")
     rows = resample_mode(model, "view", directions)

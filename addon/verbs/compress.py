@@ -54,6 +54,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="begin with texels averaged over N along x and y: faster for large patches",
     )
+    parser.add_argument(
+        "--domain",
+        default="linear",
+        help="log fits log luminance with chroma: errors alike in the dark and in the light",
+    )
     parser.add_argument("--seed", type=from_0, default=0)
     parser.add_argument("--threads", type=from_0, default=0, help="0 for every core")
     parser.add_argument(
@@ -103,6 +108,8 @@ def _by_target(
     for name, value in given.items():
         if value:
             raise NacreError(f"--{name} does not go with a target: leave one of them out")
+    if options.domain != "linear":
+        raise NacreError("--domain does not go with a target, which is of linear values")
     return compress_to_target(
         dataset,
         options.method,
@@ -133,6 +140,7 @@ def _by_settings(
         options.method,
         **settings,
         coarse=options.coarse,
+        domain=options.domain,
         state=options.model.with_name(f".{options.model.name}.fit"),
         resume=options.resume,
         **shared,

@@ -39,6 +39,7 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..datasets.dataset import DatasetWriter, open_dataset
     from ..datasets.directions import read_directions_csv
     from ..models.exr import load_model
+    from ..models.interpolation import horizon_fade
     from ..models.resample import resample
     from ..samples import blocks
     from .info import describe_dataset
@@ -64,11 +65,15 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     description = _describe(model, lights, views, rows, columns)
     if options.directions:
         progress(0.0, "Resampling")
+        fade = horizon_fade(np.asarray(model.dataset["light"]), lights).astype(np.float32)
         model = resample(model, lights, views)
         kept_lights, kept_views = np.arange(len(lights)), np.arange(len(views))
     with DatasetWriter(options.dataset, description, shape, np.float32) as writer:
         for part in blocks(shape):
-            writer.write(model.decode(kept_lights[part], kept_views, options.y, options.x))
+            block = model.decode(kept_lights[part], kept_views, options.y, options.x)
+            if options.directions:
+                block *= fade[part, None, None, None, None]
+            writer.write(block)
             if not progress(writer.fraction, "Decoding"):
                 raise Cancelled
     return describe_dataset(open_dataset(options.dataset))

@@ -56,6 +56,7 @@ def describe_model(model: ClusteredTucker, path: Path) -> dict[str, Any]:
         "kind": model.kind,
         **({"value": model.dataset["value"]} if "value" in model.dataset else {}),
         **{key: value for key, value in model.fit.items() if key != "errors"},
+        **({"domain": model.domain} if model.kind == "btf" else {}),
         "shape": list(model.shape),
         "ranks": model.ranks,
         "clusters": dict(model.clusters),

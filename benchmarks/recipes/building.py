@@ -25,13 +25,12 @@ def new_mesh(
 ) -> bpy.types.Mesh:
     """A smooth mesh of points (n, 3) in metres, faces (m, 3 or 4) and linear colours (n, 3)."""
     mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(points.tolist(), [], faces.tolist())
+    mesh.from_pydata(points.tolist(), [], faces.tolist(), shade_flat=False)
     rgba = np.ones((len(points), 4), np.float32)
     rgba[:, :3] = colours
     layer = mesh.color_attributes.new("Col", "FLOAT_COLOR", "POINT")
     layer.data.foreach_set("color", rgba.ravel())
     mesh.materials.append(material)
-    mesh.shade_smooth()
     return mesh
 
 
@@ -76,3 +75,26 @@ def principled(name: str, **inputs: float) -> bpy.types.Material:
     colour.attribute_name = "Col"
     links.new(colour.outputs["Color"], shader.inputs["Base Color"])
     return material
+
+
+def hair(
+    name: str,
+    strands: list[np.ndarray],
+    radii: list[float],
+    colours: np.ndarray,
+    material: bpy.types.Material,
+) -> bpy.types.Curves:
+    """Hair curves of strands (points, 3) and a radius in metres and a colour (3) for each."""
+    curves = bpy.data.hair_curves.new(name)
+    sizes = [len(strand) for strand in strands]
+    curves.add_curves(sizes)
+    points = np.concatenate(strands).astype(np.float32)
+    curves.attributes["position"].data.foreach_set("vector", points.ravel())
+    layers = curves.attributes
+    radius = layers.get("radius") or layers.new("radius", "FLOAT", "POINT")
+    radius.data.foreach_set("value", np.repeat(np.float32(radii), sizes))
+    rgba = np.ones((len(points), 4), np.float32)
+    rgba[:, :3] = np.repeat(colours, sizes, axis=0)
+    layers.new("Col", "FLOAT_COLOR", "POINT").data.foreach_set("color", rgba.ravel())
+    curves.materials.append(material)
+    return curves

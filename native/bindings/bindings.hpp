@@ -24,7 +24,8 @@ void register_evaluator(py::module_& module);
 
 // Samples (light, view, y, x, channel), C-contiguous half or float, used where they lie. `bounded`:
 // memory is; pages of a read-only numpy.memmap are dropped behind the reader.
-BtfSource btf_source(const py::array& samples, bool bounded = false);
+BtfSource btf_source(const py::array& samples, bool bounded = false,
+                     const std::string& domain = "linear");
 
 // auto, kcta, greedy or optimal.
 SearchMethod search_method(const std::string& name);

@@ -135,9 +135,9 @@ py::dict fit(const py::array& samples, const std::vector<Index>& ranks, const By
              const ByMode& mixtures, const std::vector<Index>& global_modes,
              const py::dict& directions, const std::string& search, int iterations,
              double tolerance, std::uint64_t seed, int threads, std::size_t memory,
-             const std::string& scratch, const py::object& start, const py::object& checkpoint,
-             const py::object& progress) {
-    const BtfSource source = btf_source(samples);
+             const std::string& scratch, const std::string& domain, const py::object& start,
+             const py::object& checkpoint, const py::object& progress) {
+    const BtfSource source = btf_source(samples, false, domain);
     const ClusteredOptions options = read_options(ranks, clusters, mixtures, global_modes,
                                                   directions, search, iterations, tolerance, seed);
     ClusteredTucker first;
@@ -226,7 +226,7 @@ void register_clustered(py::module_& module) {
                py::arg("global_modes") = std::vector<Index>{}, py::arg("directions"),
                py::arg("search") = "auto", py::arg("iterations") = 50, py::arg("tolerance") = 5e-4,
                py::arg("seed") = 0, py::arg("threads") = 0, py::arg("memory") = 0,
-               py::arg("scratch") = "", py::arg("start") = py::none(),
+               py::arg("scratch") = "", py::arg("domain") = "linear", py::arg("start") = py::none(),
                py::arg("checkpoint") = py::none(), py::arg("progress") = py::none(),
                R"(CTA, K-CTA or MK-CTA of samples (light, view, y, x, channel).
 
@@ -240,6 +240,7 @@ kcta for one clustered mode, else optimal for K < 3 and greedy beyond. iteration
 when neither the sum of core norms nor the error changes by more than this part, or when the error
 would rise. The same seed gives the same bits for any threads (0: all). memory: bytes that the process
 may have in anonymous memory (0: any), beyond which large tensors go to files in the folder scratch.
+domain: as of fit_nsvd.
 start: a model to begin with, as returned or as given to checkpoint(model), which is called after each
 iteration that another follows; with the latter the fit ends as if it had not been interrupted.
 progress(fraction, message) returns False to stop.
@@ -253,7 +254,8 @@ Raises ValueError (one line that names the argument) and Cancelled.)");
     module.def(
         "core_gram", &core_gram_of, py::arg("core"), py::arg("basis"), py::kw_only(),
         py::arg("clustered") = 1, py::arg("threads") = 0,
-        R"(Gram matrix of the clusters of a model of one clustered mode, as fit_clustered returns it,, for search_clusters.
+        R"(Gram matrix of the clusters of a model of one clustered mode, as fit_clustered returns it,
+for search_clusters.
 
 core (C, R0, ..., RN), basis: list of (1 or C, I, 1, R) arrays (that of the clustered mode is not
 looked at). Returns (C, C, R, R): gram[j, c] = ufm(Z_j^(c)) ufm(Z_c)^T, Eqs. 14 and 17.)");

@@ -22,7 +22,7 @@ bool in_read_only_map(const py::array& array) {
 
 }  // namespace
 
-BtfSource btf_source(const py::array& samples, bool bounded) {
+BtfSource btf_source(const py::array& samples, bool bounded, const std::string& domain) {
     if (samples.ndim() != 5) {
         throw py::value_error("samples: expected 5 axes (light, view, y, x, channel), got " +
                               std::to_string(samples.ndim()));
@@ -40,7 +40,7 @@ BtfSource btf_source(const py::array& samples, bool bounded) {
     return BtfSource(
         samples.data(), sample,
         {samples.shape(0), samples.shape(1), samples.shape(2), samples.shape(3), samples.shape(4)},
-        bounded && in_read_only_map(samples));
+        bounded && in_read_only_map(samples), colour_domain(domain));
 }
 
 Executor::Progress progress_callback(const py::object& progress) {

@@ -54,9 +54,9 @@ Tucker from_python(const py::dict& start, const Shape& shape, const std::vector<
 
 py::dict fit_nsvd(const py::array& samples, const std::vector<Index>& ranks, int iterations,
                   double tolerance, int threads, std::size_t memory, const std::string& scratch,
-                  const py::object& start, const py::object& checkpoint,
+                  const std::string& domain, const py::object& start, const py::object& checkpoint,
                   const py::object& progress) {
-    const BtfSource source = btf_source(samples, memory > 0);
+    const BtfSource source = btf_source(samples, memory > 0, domain);
     const Shape& shape = source.shape();
     require(ranks.size() == shape.size(), "ranks: expected ", shape.size(), " numbers, got ",
             ranks.size());
@@ -96,15 +96,17 @@ py::dict fit_nsvd(const py::array& samples, const std::vector<Index>& ranks, int
 void register_nsvd(py::module_& module) {
     module.def("fit_nsvd", &fit_nsvd, py::arg("samples"), py::arg("ranks"), py::kw_only(),
                py::arg("iterations") = 20, py::arg("tolerance") = 1e-4, py::arg("threads") = 0,
-               py::arg("memory") = 0, py::arg("scratch") = "", py::arg("start") = py::none(),
-               py::arg("checkpoint") = py::none(), py::arg("progress") = py::none(),
+               py::arg("memory") = 0, py::arg("scratch") = "", py::arg("domain") = "linear",
+               py::arg("start") = py::none(), py::arg("checkpoint") = py::none(),
+               py::arg("progress") = py::none(),
                R"(N-SVD of samples (light, view, y, x, channel).
 
 ranks: of (light rows, view, y, x), where light row channels * light + channel is one colour of one
 light. iterations, tolerance: alternating least squares stops when the error falls by less than this
 part of itself; 0 iterations give the truncated HOSVD. threads: 0 for all. memory: bytes that the
 process may use, what it has in use already included (0: no bound); what exceeds it is in files in
-the folder scratch (empty: the system's), which nobody sees and which go with the process.
+the folder scratch (empty: the system's), which nobody sees and which go with the process. domain:
+"linear", or "log" to fit log(Y + 0.01), U / (Y + 0.01) and V / (Y + 0.01) of red, green and blue.
 checkpoint(model) is called after each iteration; start takes such a model, and the fit goes on from
 there to the same bits. progress(fraction, message) returns False to stop.
 

@@ -46,6 +46,8 @@ py::tuple find(const py::object& projections, const py::object& gram, Index mixt
                 blocks.data() + (j * clusters + c) * rank * rank, rank, rank);
         }
     }
+    require(search == "kcta" || search == "greedy" || search == "optimal",
+            "search: expected kcta, greedy or optimal, got ", search);
     require(matrix.allFinite(), "gram: expected finite numbers");
     require(Eigen::Map<const VectorD>(rows.data(), rows.size()).allFinite(),
             "projections: expected finite numbers");
@@ -87,8 +89,7 @@ rows that follow each other and share their clusters; items are n / tied.
 
 Returns members (items, K) uint32, ascending in a row, and coefficients (n, K, R) float64.
 Tsai and Shih 2012: greedy search, Eqs. 9 to 14, and optimal projection, Eq. 15; Tsai 2015: Eqs. 4,
-8 and 11. Raises ValueError
-(one line that names the argument).)");
+8 and 11. Raises ValueError (one line that names the argument).)");
 }
 
 }  // namespace nacre::python

@@ -20,6 +20,20 @@ void scipy_cblas_ssyrk(int order, int uplo, int trans, int n, int k, float alpha
 void scipy_dsyevd_(const char* jobz, const char* uplo, const int* n, double* a, const int* lda,
                    double* w, double* work, const int* lwork, int* iwork, const int* liwork,
                    int* info, std::size_t, std::size_t);
+void scipy_dsytrd_(const char* uplo, const int* n, double* a, const int* lda, double* d, double* e,
+                   double* tau, double* work, const int* lwork, int* info, std::size_t);
+void scipy_dstemr_(const char* jobz, const char* range, const int* n, double* d, double* e,
+                   const double* vl, const double* vu, const int* il, const int* iu, int* m,
+                   double* w, double* z, const int* ldz, const int* nzc, int* isuppz, int* tryrac,
+                   double* work, const int* lwork, int* iwork, const int* liwork, int* info,
+                   std::size_t, std::size_t);
+void scipy_dstedc_(const char* compz, const int* n, double* d, double* e, double* z, const int* ldz,
+                   double* work, const int* lwork, int* iwork, const int* liwork, int* info,
+                   std::size_t);
+void scipy_dormtr_(const char* side, const char* uplo, const char* trans, const int* m,
+                   const int* n, const double* a, const int* lda, const double* tau, double* c,
+                   const int* ldc, double* work, const int* lwork, int* info, std::size_t,
+                   std::size_t, std::size_t);
 void scipy_openblas_set_num_threads(int threads);
 }
 
@@ -91,6 +105,72 @@ VectorD symmetric_eigen(MatrixD& matrix) {
                   int_work.data(), &int_size, &info, 1, 1);
     if (info != 0) throw std::runtime_error("eigenvalue iteration did not converge");
     return values;
+}
+
+namespace {
+
+// A symmetric tridiagonal matrix; its `count` largest eigenvalues, ascending, and their vectors one
+// after the other.
+struct Tridiagonal {
+    VectorD diagonal, beside;  // n and n - 1 (and one to spare)
+
+    // By relatively robust representations, which finds any few of them. False if it fails.
+    bool some(int count, VectorD& values, std::vector<double>& vectors) const {
+        const int n = static_cast<int>(diagonal.size()), from = n - count + 1;
+        const int size = 18 * n, int_size = 10 * n;
+        std::vector<double> work(at(size));
+        std::vector<int> int_work(at(int_size)), support(2 * at(count));
+        VectorD d = diagonal, e = beside, all(n);
+        vectors.resize(at(n) * at(count));
+        const double unused = 0;
+        int found = 0, precise = 1, info = 0;
+        scipy_dstemr_("V", "I", &n, d.data(), e.data(), &unused, &unused, &from, &n, &found,
+                      all.data(), vectors.data(), &n, &count, support.data(), &precise, work.data(),
+                      &size, int_work.data(), &int_size, &info, 1, 1);
+        values = all.head(count);
+        return info == 0 && found == count;
+    }
+
+    // By divide and conquer, all of them.
+    void every(int count, VectorD& values, std::vector<double>& vectors) const {
+        const int n = static_cast<int>(diagonal.size());
+        const int size = 1 + 4 * n + n * n, int_size = 3 + 5 * n;
+        std::vector<double> work(at(size)), all(at(n) * at(n));
+        std::vector<int> int_work(at(int_size));
+        VectorD d = diagonal, e = beside;
+        int info = 0;
+        scipy_dstedc_("I", &n, d.data(), e.data(), all.data(), &n, work.data(), &size,
+                      int_work.data(), &int_size, &info, 1);
+        if (info != 0) throw std::runtime_error("eigenvalue iteration did not converge");
+        values = d.tail(count);
+        vectors.assign(all.end() - static_cast<std::ptrdiff_t>(n) * count, all.end());
+    }
+};
+
+}  // namespace
+
+VectorD leading_eigen(MatrixD& matrix, Index count, MatrixD& vectors) {
+    const int n = narrow(matrix.rows()), k = narrow(count);
+    vectors.resize(k, n);
+    if (k == 0) return {};
+    Tridiagonal tridiagonal{VectorD(n), VectorD(n)};
+    VectorD reflectors(n);
+    const int size = 64 * n;
+    std::vector<double> work(at(size));
+    int info = 0;
+    // As above: column-major, so the lower triangle is our upper one, and columns are rows.
+    scipy_dsytrd_("L", &n, matrix.data(), &n, tridiagonal.diagonal.data(),
+                  tridiagonal.beside.data(), reflectors.data(), work.data(), &size, &info, 1);
+    VectorD values;
+    std::vector<double> found;
+    // Up to so many, some cost less than all.
+    if (8 * k > n || !tridiagonal.some(k, values, found)) tridiagonal.every(k, values, found);
+    scipy_dormtr_("L", "L", "N", &n, &k, matrix.data(), &n, reflectors.data(), found.data(), &n,
+                  work.data(), &size, &info, 1, 1, 1);
+    for (int r = 0; r < k; ++r) {
+        vectors.row(r) = Eigen::Map<const VectorD>(found.data() + at(k - 1 - r) * at(n), n);
+    }
+    return values.reverse();
 }
 
 }  // namespace nacre

@@ -21,19 +21,30 @@ std::vector<const MatrixF*> all_but(const std::vector<MatrixF>& bases, Index ski
     return list;
 }
 
-// The post-process (Section 3.5.3): orthonormal columns with the same span.
+}  // namespace
+
 MatrixF orthonormal(const MatrixF& basis) {
     const MatrixD u = basis.cast<double>();
-    return (u * inverse_factor(u.transpose() * u)).cast<float>();
+    const MatrixD factor = inverse_factor(u.transpose() * u);
+    // Members with no coefficients at all span nothing: any direction will do.
+    if (factor.cols() == 0) return MatrixF::Identity(basis.rows(), 1);
+    return (u * factor).cast<float>();
 }
 
-MatrixF padded(const MatrixF& basis, Index columns) {
-    MatrixF result = MatrixF::Zero(basis.rows(), columns);
-    result.leftCols(basis.cols()) = basis;
-    return result;
+void pad(Executor& executor, const std::vector<Index>& ranks, std::vector<MatrixF>& bases,
+         Tensor& core) {
+    for (std::size_t n = 0; n < bases.size(); ++n) {
+        if (ranks[n] == 0 || core.dim(static_cast<Index>(n)) == ranks[n]) continue;
+        const Index present = core.dim(static_cast<Index>(n));
+        const MatrixF identity = MatrixF::Identity(ranks[n], present);
+        Tensor padded;
+        mode_product(executor, core, static_cast<Index>(n), identity, Op::kNone, padded);
+        core = std::move(padded);
+        MatrixF basis = MatrixF::Zero(bases[n].rows(), ranks[n]);
+        basis.leftCols(present) = bases[n];
+        bases[n] = std::move(basis);
+    }
 }
-
-}  // namespace
 
 void BlockDecomposition::run(Executor& executor, const Tensor& block, Index clustered,
                              const std::vector<Index>& ranks, int sweeps,
@@ -82,13 +93,7 @@ void BlockDecomposition::run(Executor& executor, const Tensor& block, Index clus
         if (now - kept <= kSweepTolerance * now) break;
         kept = now;
     }
-    for (Index n = 0; n < clustered; ++n) {
-        if (rank[at(n)] == ranks[at(n)]) continue;
-        const MatrixF identity = MatrixF::Identity(ranks[at(n)], rank[at(n)]);
-        mode_product(executor, core, n, identity, Op::kNone, a_);
-        std::swap(core, a_);
-        bases[at(n)] = padded(bases[at(n)], ranks[at(n)]);
-    }
+    pad(executor, ranks, bases, core);
 }
 
 }  // namespace nacre

@@ -8,6 +8,14 @@
 
 namespace nacre {
 
+// The post-process (MK-CTA, Section 3.5.3; K-CTA, Section 4.2.3): orthonormal columns with the same
+// span, which may be fewer but are at least one.
+MatrixF orthonormal(const MatrixF& basis);
+
+// Brings core and bases to these ranks (0: any) with columns of zeros.
+void pad(Executor& executor, const std::vector<Index>& ranks, std::vector<MatrixF>& bases,
+         Tensor& core);
+
 // Keeps its memory from one call to the next.
 class BlockDecomposition {
   public:

@@ -9,7 +9,7 @@
 
 namespace nacre {
 
-inline constexpr Index kBlockFloats = 1 << 18;  // 1 MiB: about a core's second cache
+inline constexpr Index kBlockFloats = 1 << 17;  // half a megabyte: half a core's second cache
 
 // Cuts a tensor into blocks that hold the modes in `whole` in full and are of kBlockFloats if these
 // leave room, else as small as they can be.

@@ -53,17 +53,23 @@ void validate(const TensorSource& source, const ClusteredOptions& options) {
     require(options.tolerance >= 0, "tolerance: expected 0 or more, got ", options.tolerance);
 }
 
-// A start must be a model of these shapes.
+// A start must be a model of these shapes, or without cores the global bases of one.
 void validate(const TensorSource& source, const ClusteredOptions& options,
               const ClusteredTucker& start) {
     const auto fits = [](bool condition) {
         require(condition, "start: expected a model of the same shape and settings");
     };
     const std::size_t order = source.shape().size(), modes = options.clustered.size();
+    fits(start.bases.size() == order && start.squared_norm >= 0);
+    for (Index mode : options.global_modes) {
+        const std::vector<MatrixF>& bases = start.bases[at(mode)];
+        fits(bases.size() == 1 && bases[0].rows() == source.shape()[at(mode)] &&
+             bases[0].cols() == options.ranks[at(mode)]);
+    }
+    if (start.cores.empty()) return;
     Index count = 1;
     for (const ClusteredMode& mode : options.clustered) count *= mode.clusters;
-    fits(static_cast<Index>(start.cores.size()) == count && start.bases.size() == order &&
-         start.members.size() == modes);
+    fits(static_cast<Index>(start.cores.size()) == count && start.members.size() == modes);
     for (const Tensor& core : start.cores) fits(core.shape() == options.ranks);
     std::vector<Index> mixtures(order, 1), owners(order, count);
     for (std::size_t k = 0; k < modes; ++k) {
@@ -110,8 +116,8 @@ ClusteredTucker fit_clustered(Executor& executor, const Workspace& workspace,
     validate(source, options);
     const Shape& shape = source.shape();
     const Index order = static_cast<Index>(shape.size());
+    if (start) validate(source, options, *start);
     const bool resumes = start && !start->cores.empty();
-    if (resumes) validate(source, options, *start);
 
     // Section 5.2 of the K-CTA paper: global bases first, with every other mode in full.
     std::vector<MatrixF> globals(at(order));

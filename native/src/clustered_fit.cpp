@@ -79,6 +79,8 @@ ClusteredFit::ClusteredFit(Executor& executor, const Workspace& workspace,
         energies(row) = squared_norm(tensor_.data() + row * state_.columns(), state_.columns());
     });
     tensor_.drop();
+    // A fit that starts from a model has not summed the samples' energy before.
+    if (!std::isfinite(energies.sum())) source.throw_invalid();
     lost_energy_ = std::max(0.0, energy - energies.sum());
     Index stride = state_.rows();
     for (const Grouping& grouping : state_.groupings) {
@@ -170,7 +172,7 @@ void ClusteredFit::spread_cores() {
 
 // The clustering stage: mode by mode, everything else fixed (Section 3.5).
 void ClusteredFit::cluster_modes(bool warm) {
-    const MatrixD spreads = spread_gram(executor_, state_);
+    MatrixD spreads = spread_gram(executor_, state_);
     for (Index k = 0; k < state_.clustered(); ++k) {
         const Grouping& grouping = state_.groupings[at(k)];
         const Index mixtures = warm ? options_.clustered[at(k)].mixtures : 1;
@@ -187,8 +189,10 @@ void ClusteredFit::cluster_modes(bool warm) {
             executor_,
             {projections.data(), grouping.rows, grouping.tied, gram, grouping.count, width},
             mixtures, search, compare ? std::span(present) : std::span<const ClusterId>(), compare);
-        split_empty(k, projections, gram, mixtures, found);
+        const bool split = split_empty(k, projections, gram, mixtures, found);
         assign(k, found, mixtures);
+        // The modes that follow must see the cores that a split has copied.
+        if (split && k + 1 < state_.clustered()) spreads = spread_gram(executor_, state_);
     }
 }
 
@@ -220,8 +224,8 @@ void ClusteredFit::assign(Index k, const Membership& found, Index mixtures) {
 
 // Section 5.3 of the K-CTA paper: an empty cluster takes over half of the one with the largest
 // error, the members that are approximated worst. It starts as its copy, so that nothing changes
-// until it is updated.
-void ClusteredFit::split_empty(Index k, MatrixD& projections, MatrixD& gram, Index mixtures,
+// until it is updated. Returns whether there was one.
+bool ClusteredFit::split_empty(Index k, MatrixD& projections, MatrixD& gram, Index mixtures,
                                Membership& found) {
     const Grouping& grouping = state_.groupings[at(k)];
     const Index items = grouping.items(), width = grouping.rank * state_.owners(k);
@@ -243,8 +247,10 @@ void ClusteredFit::split_empty(Index k, MatrixD& projections, MatrixD& gram, Ind
         }
         return std::max(0.0, sum);
     };
+    bool split = false;
     for (Index empty = 0; empty < grouping.count; ++empty) {
         if (!members[at(empty)].empty()) continue;
+        split = true;
         std::vector<double> errors(at(items));
         for (Index i = 0; i < items; ++i) errors[at(i)] = error_of(i);
         Index worst = -1;
@@ -278,6 +284,7 @@ void ClusteredFit::split_empty(Index k, MatrixD& projections, MatrixD& gram, Ind
             state_.copy_cluster(state_.cluster(worst, owner, k), state_.cluster(empty, owner, k));
         }
     }
+    return split;
 }
 
 double ClusteredFit::error() {

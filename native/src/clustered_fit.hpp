@@ -32,7 +32,7 @@ class ClusteredFit {
     };
 
     void cluster_modes(bool warm);
-    void split_empty(Index k, MatrixD& projections, MatrixD& gram, Index mixtures,
+    bool split_empty(Index k, MatrixD& projections, MatrixD& gram, Index mixtures,
                      Membership& found);
     void assign(Index k, const Membership& found, Index mixtures);
     SearchMethod method(Index mixtures) const;

@@ -5,6 +5,7 @@
 #include "block_decomposition.hpp"
 #include "nacre/blas.hpp"
 #include "nacre/mode_product.hpp"
+#include "residual_rows.hpp"
 
 namespace nacre {
 
@@ -107,6 +108,11 @@ void add_approximation(Executor& executor, const ClusterState& state, Index c, f
 
 void DecompositionStage::update(Executor& executor, Cluster& scratch, Tensor& residual, Index c,
                                 int sweeps) {
+    const bool first_time = state_.cores[at(c)].size() == 0;
+    if (!first_time && sweeps == 1 && has_clustered_bases_alone(state_)) {
+        update_in_place(executor, state_, c, residual);
+        return;
+    }
     const Index modes = state_.clustered(), columns = state_.columns();
     Shape shape = state_.shape();
     Index rows = 1;
@@ -141,7 +147,6 @@ void DecompositionStage::update(Executor& executor, Cluster& scratch, Tensor& re
     const auto nothing = [](Index, Index, Index, const float*) {};
 
     // Eq. 12: with its own part back, the residual is what the other clusters leave over.
-    const bool first_time = state_.cores[at(c)].size() == 0;
     if (first_time) {
         executor.parallel_for(
             rows, [&](Index row, int) { take(row, 0, columns, block + row * columns); });

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels.hpp"
 #include "nacre/blas.hpp"
 
 namespace nacre {
@@ -11,6 +12,7 @@ namespace {
 
 constexpr Index kFloatColumns = 2048;
 constexpr Index kMaxSlabs = 32;
+constexpr Index kStrip = 32;
 
 }  // namespace
 
@@ -35,6 +37,10 @@ void GramSum::flush() {
 }
 
 void GramSum::add_columns(const float* piece, Index columns, Index stride) {
+    if (const Kernels* own = kernels()) {
+        own->gram(rows_, columns, piece, stride, sum_.data());
+        return;
+    }
     for (Index first = 0; first < columns; first += kFloatColumns) {
         const Index count = std::min(kFloatColumns, columns - first);
         make_room(count);
@@ -53,9 +59,19 @@ void GramSum::add(const float* piece, const Unfolding& view) {
     for (Index first = 0; first < view.outer; first += kFloatColumns) {
         const Index count = std::min(kFloatColumns, view.outer - first);
         make_room(count);
-        const float beta = columns_ == count ? 0.0f : 1.0f;
-        syrk_upper(Op::kTranspose, rows_, count, piece + first * rows_, rows_, beta,
-                   partial_.data(), rows_);
+        const bool add = columns_ > count;
+        const float* part = piece + first * rows_;
+        if (const Kernels* own = kernels()) {
+            // Strips of columns, each down to the diagonal.
+            for (Index j = 0; j < rows_; j += kStrip) {
+                const Index width = std::min(kStrip, rows_ - j);
+                own->product(j + width, width, count, part, 1, rows_, part + j, rows_, add,
+                             partial_.data() + j, rows_);
+            }
+        } else {
+            syrk_upper(Op::kTranspose, rows_, count, part, rows_, add ? 1.0f : 0.0f,
+                       partial_.data(), rows_);
+        }
     }
 }
 
@@ -103,10 +119,11 @@ MatrixD gram(Executor& executor, const Tensor& tensor, Index mode) {
 
 MatrixF leading_basis(MatrixD gram, Index rank) {
     const Index n = gram.rows();
-    symmetric_eigen(gram);  // ascending; the rows are the vectors
+    MatrixD vectors;
+    leading_eigen(gram, rank, vectors);
     MatrixF basis(n, rank);
     for (Index r = 0; r < rank; ++r) {
-        auto vector = gram.row(n - 1 - r);
+        const auto vector = vectors.row(r);
         Index largest = 0;
         // The first entry within rounding of the largest: two equal ones must not make the sign
         // depend on the last bit.

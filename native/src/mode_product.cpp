@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "kernels.hpp"
+
 namespace nacre {
 
 namespace {
@@ -30,26 +32,39 @@ struct Factor {
 };
 
 // One slice: op(U) times from x inner, part of `inner` columns wide.
-void multiply_slice(const float* in, Index inner, Index columns, const Factor& factor, float beta,
+void multiply_slice(const float* in, Index inner, Index columns, const Factor& factor, bool add,
                     float* out) {
+    if (const Kernels* own = kernels()) {
+        const bool transpose = factor.op == Op::kTranspose;
+        own->product(factor.to, columns, factor.from, factor.values, transpose ? 1 : factor.columns,
+                     transpose ? factor.columns : 1, in, inner, add, out, inner);
+        return;
+    }
     gemm(factor.op, Op::kNone, factor.to, columns, factor.from, 1.0f, factor.values, factor.columns,
-         in, inner, beta, out, inner);
+         in, inner, add ? 1.0f : 0.0f, out, inner);
 }
 
 // The last mode: one matrix of outer x from, multiplied from the right.
-void multiply_rows(const float* in, Index outer, const Factor& factor, float beta, float* out) {
+void multiply_rows(const float* in, Index outer, const Factor& factor, bool add, float* out) {
+    const Kernels* own = kernels();
+    if (own && factor.op == Op::kTranspose) {
+        own->product(outer, factor.to, factor.from, in, factor.from, 1, factor.values,
+                     factor.columns, add, out, factor.to);
+        return;
+    }
     gemm(Op::kNone, factor.op == Op::kTranspose ? Op::kNone : Op::kTranspose, outer, factor.to,
-         factor.from, 1.0f, in, factor.from, factor.values, factor.columns, beta, out, factor.to);
+         factor.from, 1.0f, in, factor.from, factor.values, factor.columns, add ? 1.0f : 0.0f, out,
+         factor.to);
 }
 
-void multiply(const float* in, Index outer, Index inner, const Factor& factor, float beta,
+void multiply(const float* in, Index outer, Index inner, const Factor& factor, bool add,
               float* out) {
     if (inner == 1) {
-        multiply_rows(in, outer, factor, beta, out);
+        multiply_rows(in, outer, factor, add, out);
         return;
     }
     for (Index o = 0; o < outer; ++o) {
-        multiply_slice(in + o * factor.from * inner, inner, inner, factor, beta,
+        multiply_slice(in + o * factor.from * inner, inner, inner, factor, add,
                        out + o * factor.to * inner);
     }
 }
@@ -57,12 +72,12 @@ void multiply(const float* in, Index outer, Index inner, const Factor& factor, f
 }  // namespace
 
 void mode_product(const float* in, const Unfolding& view, const MatrixF& basis, Op op, float* out) {
-    multiply(in, view.outer, view.inner, Factor(basis, op), 0, out);
+    multiply(in, view.outer, view.inner, Factor(basis, op), false, out);
 }
 
-void contract(const float* in, const Unfolding& view, const float* basis, Index rank, float beta,
+void contract(const float* in, const Unfolding& view, const float* basis, Index rank, bool add,
               float* out) {
-    multiply(in, view.outer, view.inner, Factor(basis, view.rows, rank), beta, out);
+    multiply(in, view.outer, view.inner, Factor(basis, view.rows, rank), add, out);
 }
 
 void mode_product(Executor& executor, const Tensor& in, Index mode, const MatrixF& basis, Op op,
@@ -82,7 +97,7 @@ void mode_product(Executor& executor, const Tensor& in, Index mode, const Matrix
         executor.parallel_for(divide_up(outer, chunk), [&](Index task, int) {
             const Index first = task * chunk;
             multiply(source + first * rows * inner, std::min(chunk, outer - first), inner, factor,
-                     0, destination + first * factor.to * inner);
+                     false, destination + first * factor.to * inner);
         });
     } else {
         const Index chunk = std::max<Index>(256, kTaskFlops / column_flops);
@@ -90,7 +105,7 @@ void mode_product(Executor& executor, const Tensor& in, Index mode, const Matrix
         executor.parallel_for(outer * chunks, [&](Index task, int) {
             const Index o = task / chunks, first = (task % chunks) * chunk;
             multiply_slice(source + o * rows * inner + first, inner, std::min(chunk, inner - first),
-                           factor, 0, destination + o * factor.to * inner + first);
+                           factor, false, destination + o * factor.to * inner + first);
         });
     }
 }

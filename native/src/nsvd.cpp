@@ -33,8 +33,9 @@ class Fit {
     void start();
     bool converged() const;
     bool iterate();
-    double sweep_stored(std::vector<MatrixF>& bases, Tensor& core);
-    double sweep_streamed(std::vector<MatrixF>& bases);
+    double update(Index mode, const MatrixD& covariance, MatrixF& basis) const;
+    double update_others(std::vector<MatrixF>& bases);
+    double update_lead(std::vector<MatrixF>& bases, Tensor& core);
 
     Executor& executor_;
     const TensorSource& source_;
@@ -98,16 +99,25 @@ bool Fit::converged() const {
     return last - errors.back() <= options_.tolerance * last;
 }
 
-// One iteration of alternating least squares. False, and no change, if it does not lower the error:
-// it cannot raise it, but rounding at its end can.
+// One iteration of alternating least squares. False, and no change, if it lowers the error by too
+// little: for then the others' bases do not change, and the lead mode's is the best for them
+// already. It cannot raise the error, but rounding at its end can.
 bool Fit::iterate() {
     const double step = 0.6 / options_.iterations, begin = 0.4 + step * result_.iterations;
-    executor_.stage(begin, begin + step,
-                    "N-SVD: iteration " + std::to_string(result_.iterations + 1));
+    const std::string message = "N-SVD: iteration " + std::to_string(result_.iterations + 1);
+    const bool first = result_.iterations == 0;
+    const double last = first ? 2 : result_.errors.back();  // no error is above 1
     std::vector<MatrixF> bases = result_.bases;
+    // In a streamed fit, the start has found the other mode's basis from the lead mode's.
+    if (!streamed_ || !first) {
+        executor_.stage(begin, begin + 0.4 * step, message);
+        const double error = update_others(bases);
+        if (!first && last - error <= options_.tolerance * last) return false;
+    }
+    executor_.stage(begin + 0.4 * step, begin + step, message);
     Tensor core;
-    const double error = streamed_ ? sweep_streamed(bases) : sweep_stored(bases, core);
-    if (result_.iterations > 0 && error >= result_.errors.back()) return false;
+    const double error = update_lead(bases, core);
+    if (error >= last) return false;
     result_.bases = std::move(bases);
     result_.core = std::move(core);
     result_.errors.push_back(error);
@@ -115,38 +125,43 @@ bool Fit::iterate() {
     return true;
 }
 
-// Each basis from the tensor projected on the others; the lead mode's last.
-double Fit::sweep_stored(std::vector<MatrixF>& bases, Tensor& core) {
+// A basis from the covariance of the tensor projected on the others; the error then.
+double Fit::update(Index mode, const MatrixD& covariance, MatrixF& basis) const {
+    basis = leading_basis(covariance, rank(mode));
+    const MatrixD u = basis.cast<double>();
+    return relative((u.transpose() * covariance * u).trace());
+}
+
+double Fit::update_others(std::vector<MatrixF>& bases) {
+    if (streamed_) {
+        const Index n = modes_[1];
+        return update(n, gram(executor_, source_, n, all_but(bases, n)), bases[at(n)]);
+    }
     if (projected_.size() == 0) {
         projected_ = project(executor_, source_, lead_, bases[at(lead_)], 0, options_.workspace);
     }
     const MemorySource projected(projected_);
+    double error = 0;
     for (Index n : modes_) {
         if (n == lead_) continue;
-        const MatrixD rest = gram(executor_, projected, n, all_but(bases, n, lead_));
-        bases[at(n)] = leading_basis(rest, rank(n));
+        error = update(n, gram(executor_, projected, n, all_but(bases, n, lead_)), bases[at(n)]);
         projected_.drop();
     }
     projected_ = Tensor();
+    return error;
+}
+
+double Fit::update_lead(std::vector<MatrixF>& bases, Tensor& core) {
+    MatrixF& basis = bases[at(lead_)];
+    if (streamed_) {
+        return update(lead_, gram(executor_, source_, lead_, all_but(bases, lead_)), basis);
+    }
     const Tensor stored =
         project(executor_, source_, all_but(bases, lead_), {}, options_.workspace);
     const MemorySource rest(stored);
-    bases[at(lead_)] = leading_basis(gram(executor_, rest, lead_), rank(lead_));
-    core = project(executor_, rest, lead_, bases[at(lead_)], 0, options_.workspace);
+    basis = leading_basis(gram(executor_, rest, lead_), rank(lead_));
+    core = project(executor_, rest, lead_, basis, 0, options_.workspace);
     return relative(squared_norm(executor_, core));
-}
-
-double Fit::sweep_streamed(std::vector<MatrixF>& bases) {
-    double kept = 0;
-    // The start has found the other mode's basis from the lead mode's already.
-    for (Index n : {modes_[1], modes_[0]}) {
-        if (n != lead_ && result_.iterations == 0) continue;
-        const MatrixD rest = gram(executor_, source_, n, all_but(bases, n));
-        bases[at(n)] = leading_basis(rest, rank(n));
-        const MatrixD u = bases[at(n)].cast<double>();
-        kept = (u.transpose() * rest * u).trace();
-    }
-    return relative(kept);
 }
 
 Tucker Fit::run() {

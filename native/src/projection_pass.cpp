@@ -118,8 +118,7 @@ const float* ProjectionPass::run_split(Shape& begin, Shape& size, Scratch& scrat
             copy_in(scratch.a.data(), place, part, gathered_size, scratch.gathered.data());
         }
         contract(scratch.gathered.data(), unfolding(gathered_size, split_),
-                 basis.data() + first * basis.cols(), basis.cols(), first > 0 ? 1.0f : 0.0f,
-                 scratch.sum.data());
+                 basis.data() + first * basis.cols(), basis.cols(), first > 0, scratch.sum.data());
     }
     size = sum_size;
     return scratch.sum.data();

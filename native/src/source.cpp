@@ -46,17 +46,20 @@ void MemorySource::fetch(const Shape& begin, const Shape& size, float* block) co
 }
 
 BtfSource::BtfSource(const void* samples, SampleType type, const std::array<Index, 5>& shape,
-                     bool drop)
+                     bool drop, ColourDomain domain)
     : TensorSource({shape[0] * shape[4], shape[1], shape[2], shape[3]}),
       samples_(samples),
       type_(type),
       dims_(shape),
-      drop_(drop) {
+      drop_(drop),
+      domain_(domain) {
     static constexpr const char* kNames[] = {"light", "view", "y", "x", "channel"};
     for (std::size_t n = 0; n < 5; ++n) {
         require(shape[n] > 0, "samples: expected at least one sample along ", kNames[n], ", got ",
                 shape[n]);
     }
+    require(domain == ColourDomain::kLinear || shape[4] == 3,
+            "domain: expected 3 channels, red, green and blue, for log, got ", shape[4]);
 }
 
 BtfSource::~BtfSource() {
@@ -80,6 +83,7 @@ void BtfSource::fetch(const Shape& begin, const Shape& size, float* block) const
                 const Index pixel = (image * height + begin[2] + r) * width + begin[3];
                 float* rows = block + l * channels * row_stride + (v * size[2] + r) * size[3];
                 unpack(samples_, type_, pixel * channels, run, channels, rows, row_stride);
+                if (domain_ == ColourDomain::kLog) to_log(rows, run, row_stride);
             }
         }
     }

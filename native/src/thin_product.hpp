@@ -15,4 +15,8 @@ inline bool is_thin(Index m, Index n) { return m <= kThin && n >= 32; }
 void thin_product(Index m, Index n, Index k, float alpha, const float* a, Index row_step,
                   Index column_step, const float* b, Index ldb, float beta, float* c, Index ldc);
 
+// The same with rows of b and c that lie anywhere: weights are a, m x k without gaps.
+void thin_product(Index m, Index n, Index k, const float* weights, const float* const* b,
+                  float beta, float* const* c);
+
 }  // namespace nacre

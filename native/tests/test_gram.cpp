@@ -58,5 +58,29 @@ int main() {
         const VectorD v = vectors.row(k);
         CHECK((chain * v - values(k) * v).norm() < 1e-12);
     }
+
+    // Only the leading ones: few, for which there is another way, and many; equal eigenvalues.
+    const MatrixD random = random_matrix(70, 90, 3).cast<double>();
+    for (const MatrixD& matrix :
+         {MatrixD(random * random.transpose()), MatrixD(MatrixD::Identity(70, 70)),
+          MatrixD(MatrixD::Zero(70, 70)), MatrixD(MatrixD::Ones(70, 70)), chain,
+          MatrixD(MatrixD::Constant(1, 1, 3))}) {
+        const Index n = matrix.rows();
+        MatrixD all = matrix;
+        const VectorD expected = symmetric_eigen(all);
+        const double scale = std::max(1.0, expected(n - 1));
+        for (Index count : {Index{0}, Index{1}, Index{4}, Index{8}, Index{9}, Index{40}, n}) {
+            if (count > n) continue;
+            MatrixD upper = matrix.triangularView<Eigen::Upper>(), found;
+            const VectorD some = leading_eigen(upper, count, found);
+            CHECK(some.size() == count && found.rows() == count);
+            if (count > 0) CHECK(orthonormality_error(found.transpose().cast<float>()) < 1e-6);
+            for (Index k = 0; k < count; ++k) {
+                CHECK_NEAR(some(k), expected(n - 1 - k), 1e-12 * scale);
+                const VectorD v = found.row(k);
+                CHECK((matrix * v - some(k) * v).norm() < 1e-12 * scale);
+            }
+        }
+    }
     std::puts("ok");
 }

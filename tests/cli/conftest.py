@@ -36,6 +36,7 @@ def files(tmp_path_factory):
     save_model(compress(dataset, "nsvd", ranks=RANKS), folder / "nsvd.exr")
     mkcta = {"clusters": {"light": 2, "view": 3}, "mixtures": {"light": 2, "view": 2}}
     save_model(make_model(SHAPE, (3, 2, 4, 5), **mkcta, shared=("y", "x")), folder / "mkcta.exr")
+    save_model(compress(dataset, "nsvd", ranks=RANKS, domain="log"), folder / "log.exr")
     (folder / "some.csv").write_text("theta,phi\n0,0\n30,45\n60,200\n85,300\n")
     (folder / "below.csv").write_text("theta,phi\n0,0\n95,0\n")
     (folder / "angles.csv").write_text("0,0\n")

@@ -21,6 +21,9 @@ MISTAKES = [
     ("render mkcta.exr p.exr --mesh sphere", "light and view", "kcta"),
     ("material mkcta.exr m.blend", "light and view", "kcta"),
     ("verify mkcta.exr", "light and view", "kcta"),
+    ("render log.exr p.png", "log domain", "--domain linear"),
+    ("material log.exr m.blend", "log domain", "--domain linear"),
+    ("verify log.exr", "log domain", "--domain linear"),
     ("verify kcta.exr --engine workbench", "'workbench'", "eevee, cycles"),
 ]
 

@@ -66,12 +66,14 @@ MISTAKES = [
     # settings that do not fit the dataset
     ("compress small.nacre m.exr --method svd", "'svd'", "nsvd, cta, kcta"),
     ("compress small.nacre m.exr --quality best", "'best'", "draft, medium or high"),
+    ("compress small.nacre m.exr --domain lab", "'lab'", "linear, log"),
+    ("compress small.nacre m.exr --domain log --target-db 5", "--domain", "linear"),
     ("compress small.nacre m.exr --ranks light=19", "light=19", "18 rows"),
     ("compress small.nacre m.exr --ranks z=1", "'z'", "light, view, y, x"),
-    ("compress small.nacre m.exr --clusters view=8", "view=8", "7 views"),
+    ("compress small.nacre m.exr --clusters view=8", "view=8", "the 7 of"),
     ("compress small.nacre m.exr --clusters view=2 --mixtures view=3", "view=3", "view=2"),
     ("compress small.nacre m.exr --method nsvd --clusters view=2", "nsvd has no clusters"),
-    ("compress small.nacre m.exr --clusters light=2", "view"),
+    ("compress small.nacre m.exr --clusters light=2,view=2", "kcta clusters one mode"),
     ("compress small.nacre m.exr --method cta --mixtures view=2", "cta"),
     ("compress small.nacre m.exr --global view", "'view'"),
     # ranges that leave nothing

@@ -10,6 +10,7 @@ from addon.datasets.dataset import open_dataset
 from addon.datasets.directions import read_directions_csv, unit_to_spherical
 from addon.models.exr import load_model
 from addon.models.fit import compress, quality_settings
+from addon.models.interpolation import horizon_fade
 from addon.models.resample import resample
 
 RANKS = "--ranks light=5,view=3,y=4,x=5"
@@ -137,7 +138,19 @@ def test_decode_gives_a_block_back(nacre_json, tmp_path, files):
     assert decoded.periodic is False
 
 
-@pytest.mark.parametrize("model", ["kcta.exr", "nsvd.exr", "mkcta.exr"])
+def test_a_model_of_logarithms_says_so_and_decodes_to_linear_values(nacre_json, tmp_path, small):
+    said = nacre_json("compress", "small.nacre", tmp_path / "m.exr", *KCTA, "--domain", "log")
+    assert said["domain"] == "log"
+    assert said == nacre_json("info", tmp_path / "m.exr")
+    compared = nacre_json("compare", "small.nacre", tmp_path / "m.exr")
+    assert compared["snr_db"] == pytest.approx(said["snr_db"], abs=0.01)
+    nacre_json("decode", tmp_path / "m.exr", tmp_path / "d.nacre")
+    decoded = open_dataset(tmp_path / "d.nacre").samples
+    np.testing.assert_allclose(decoded, load_model(tmp_path / "m.exr").decode(), rtol=1e-4)
+    assert nacre_json("info", "kcta.exr")["domain"] == "linear"
+
+
+@pytest.mark.parametrize("model", ["kcta.exr", "nsvd.exr", "mkcta.exr", "log.exr"])
 def test_decode_interpolates_any_directions(model, nacre_json, tmp_path, files):
     nacre_json("decode", model, tmp_path / "d.nacre", "--directions", "some.csv")
     decoded = open_dataset(tmp_path / "d.nacre")
@@ -145,7 +158,13 @@ def test_decode_interpolates_any_directions(model, nacre_json, tmp_path, files):
     np.testing.assert_array_equal(decoded.light, directions)
     np.testing.assert_array_equal(decoded.view, directions)
     assert decoded.samples.dtype == np.float32
-    expected = resample(load_model(files / model), directions, directions).decode()
+    stored = load_model(files / model)
+    expected = resample(stored, directions, directions).decode()
+    # The last light is below the lowest measured one: its values fade with its cosine.
+    fade = horizon_fade(np.asarray(stored.dataset["light"]), directions)
+    assert (fade[:-1] == 1.0).all()
+    assert 0.0 < fade[-1] < 0.6
+    expected *= fade[:, None, None, None, None]
     np.testing.assert_allclose(decoded.samples, expected, rtol=1e-5, atol=1e-6)
     nacre_json(
         "decode", model, tmp_path / "part.nacre", "--directions", "some.csv",
@@ -155,7 +174,7 @@ def test_decode_interpolates_any_directions(model, nacre_json, tmp_path, files):
     np.testing.assert_allclose(part.samples, decoded.samples[1:2, 2:, 3:5], rtol=1e-4, atol=1e-5)
 
 
-@pytest.mark.parametrize("model", ["kcta.exr", "nsvd.exr", "mkcta.exr"])
+@pytest.mark.parametrize("model", ["kcta.exr", "nsvd.exr", "mkcta.exr", "log.exr"])
 def test_decode_at_the_measured_directions_is_decode(model, nacre_json, tmp_path, files):
     lights, views = (load_model(files / model).dataset[mode] for mode in ("light", "view"))
     rows = [f"{theta:.9f},{phi:.9f}" for theta, phi in zip(*unit_to_spherical(views), strict=True)]

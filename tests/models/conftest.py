@@ -1,6 +1,8 @@
-"""What these tests share; `small_btf` and `measured` lie beside them."""
+"""Where `small_btf`, `measured` and the datasets' `fibres` are found."""
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
+HERE = Path(__file__).resolve().parent
+
+sys.path[:0] = [str(HERE), str(HERE.parent / "datasets")]

@@ -195,14 +195,29 @@ def fit_error(model, mode, members, wanted):
 
 
 @EACH
-def test_light_below_the_lowest_fades_with_its_cosine(kind):
+def test_directions_below_the_lowest_take_its_elevation(kind):
     model = make_model(SHAPE, **kind)
-    view = np.asarray(model.dataset["view"])
-    azimuth = 140.0
-    light = spherical_to_unit([80.0, 85.0, 90.0], [azimuth] * 3)
-    lowest, lower, horizon = resample(model, light, view).decode()
-    close(lower, lowest * light[1, 2] / light[0, 2])
-    np.testing.assert_allclose(horizon, 0.0, atol=1e-9 * np.abs(lowest).max())
+    low = spherical_to_unit([80.0, 85.0, 90.0], [140.0] * 3)
+    lowest, *lower = resample(model, lights=low).decode()
+    for values in lower:
+        close(values, lowest)
+    lowest, *lower = np.moveaxis(resample(model, views=low).decode(), 1, 0)
+    for values in lower:
+        close(values, lowest)
+
+
+@EACH
+def test_a_mode_may_stay_as_it_is(kind):
+    model = make_model(SHAPE, **kind)
+    lights, views = measured(model)
+    light, view = between(3, 8), between(4, 9)
+    for part, whole in (
+        (resample(model, lights=light), resample(model, light, views)),
+        (resample(model, views=view), resample(model, lights, view)),
+        (resample(model), model),
+    ):
+        assert part.dataset == whole.dataset
+        np.testing.assert_array_equal(part.decode(), whole.decode())
 
 
 def test_one_light_and_one_view_are_enough():

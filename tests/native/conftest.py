@@ -39,22 +39,42 @@ def make_samples(lights=6, views=24, height=8, width=7, channels=3, seed=5):
     return samples.astype(np.float32)
 
 
+def places(samples, mode):
+    """Where the lights, views, rows or columns of samples lie: the directions of a fit."""
+    count = samples.shape[mode]
+    return hemisphere(count) if mode < 2 else np.arange(count)[:, None]
+
+
 @pytest.fixture(scope="session")
 def samples():
     return make_samples()
 
 
-@pytest.fixture(scope="session")
-def views():
-    return hemisphere(24)
+@pytest.fixture
+def fit(samples):
+    """fit(**changes): K-CTA of the small material with 4 view clusters, 2 mixtures."""
+
+    def run(samples=samples, ranks=(6, 3, 4, 4), **changes):
+        arguments = {"clusters": {1: 4}, "mixtures": {1: 2}, "global_modes": (0,)} | changes
+        if "directions" not in arguments:
+            modes = [m for m in arguments["clusters"] if m in range(4)]
+            arguments["directions"] = {mode: places(samples, mode) for mode in modes}
+        return nacre_native.fit_clustered(samples, ranks, **arguments)
+
+    return run
 
 
 @pytest.fixture
-def fit(samples, views):
-    """fit(**changes): K-CTA of the small material with 4 clusters, 2 mixtures."""
+def fit_several(fit):
+    """The same for MK-CTA with 3 light and 4 view clusters, 2 mixtures each."""
 
-    def run(samples=samples, ranks=(6, 3, 4, 4), **changes):
-        arguments = {"clusters": 4, "mixtures": 2, "directions": views} | changes
-        return nacre_native.fit_kcta(samples, ranks, **arguments)
+    def run(**changes):
+        several = {
+            "ranks": (3, 3, 4, 4),
+            "clusters": {0: 3, 1: 4},
+            "mixtures": {0: 2, 1: 2},
+            "global_modes": (2,),
+        }
+        return fit(**(several | changes))
 
     return run

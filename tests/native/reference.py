@@ -1,8 +1,10 @@
 """K-CTA and N-SVD written out in double precision in the original tensor space: slow and obvious.
 
-Tensors have the modes (light rows, view, y, x); the clustered mode is the view. Equation numbers
-are those of Tsai and Shih 2012.
+Tensors have the modes (light rows, view, y, x); `kcta` clusters the view. Equation numbers are
+those of Tsai and Shih 2012.
 """
+
+from math import prod
 
 import numpy as np
 
@@ -45,21 +47,46 @@ def leading(a, mode, rank):
     return np.pad(u, ((0, 0), (0, rank - u.shape[1])))
 
 
-def reconstruct(model):
-    """The sum of Eq. 8 for a model as `nacre_native` returns it, in double."""
+def cluster_bases(model, clusters):
+    """U_n,c of every cluster in order, each a list of (I, R) with zero rows where i is no member.
+
+    model: as `nacre_native` returns it. clusters: {mode: C} of the clustered modes.
+    """
     basis = [b.astype(np.float64) for b in model["basis"]]
-    members = model.get("members", np.zeros((basis[VIEW].shape[1], 1), int))
-    total = 0
-    for c, core in enumerate(model["core"].astype(np.float64)):
-        bases = [b[c if len(b) > 1 else 0, :, 0, :] for b in basis]
-        bases[VIEW] = np.einsum("ik,ikr->ir", members == c, basis[VIEW][0])
-        total = total + expand(core, bases)
-    return total
+    for vector in np.ndindex(*(clusters[mode] for mode in sorted(clusters))):
+        at = dict(zip(sorted(clusters), vector, strict=True))
+        whole = int(np.ravel_multi_index(vector, [clusters[m] for m in sorted(clusters)]))
+        bases = []
+        for mode, b in enumerate(basis):
+            if mode not in clusters:
+                bases.append(b[whole if len(b) > 1 else 0, :, 0])
+                continue
+            others = [m for m in sorted(clusters) if m != mode]
+            owner = 0
+            for m in others:
+                owner = owner * clusters[m] + at[m]
+            assert len(b) == prod(clusters[m] for m in others)
+            members = model["members"][mode]
+            rows = np.repeat(members, b.shape[1] // len(members), axis=0)  # colours of a light
+            bases.append(np.einsum("ik,ikr->ir", rows == at[mode], b[owner]))
+        yield bases
 
 
-def relative_error(samples, model):
+def reconstruct(model, clusters=None):
+    """The sum of Eq. 8 (MK-CTA: Eq. 3) for a model as `nacre_native` returns it, in double."""
+    if clusters is None:
+        clusters = {VIEW: len(model["core"])} if "members" in model else {}
+    return sum(
+        expand(core, bases)
+        for core, bases in zip(
+            model["core"].astype(np.float64), cluster_bases(model, clusters), strict=True
+        )
+    )
+
+
+def relative_error(samples, model, clusters=None):
     a = tensor_of(samples)
-    return np.sum((a - reconstruct(model)) ** 2) / np.sum(a**2)
+    return np.sum((a - reconstruct(model, clusters)) ** 2) / np.sum(a**2)
 
 
 class Cluster:
@@ -90,6 +117,19 @@ def decompose(members, ranks, bases, sweeps):
         for mode in (2, 3):
             bases[mode] = leading(project(start, bases, mode), mode, ranks[mode])
     return mixing, project(start, bases)
+
+
+def batched(clusters, overlap):
+    """The order in which clusters are decomposed: batches of those that share no element and may
+    be decomposed at the same time, first fit (Tsai 2015, Section 3.6)."""
+    batches = []
+    for c in clusters:
+        batch = next((b for b in batches if not any(overlap(c, d) for d in b)), None)
+        if batch is None:
+            batches.append([c])
+        else:
+            batch.append(c)
+    return [c for batch in batches for c in batch]
 
 
 def update(a, clusters, c, members, ranks, sweeps):
@@ -155,6 +195,9 @@ def kcta(samples, ranks, seeds, mixtures, iterations):
             for i, (chosen, coefficients) in enumerate(found):
                 if c in chosen:
                     cluster.mixing[i] = coefficients[chosen.index(c)]
-        for c in range(len(clusters)):
+        order = batched(
+            range(len(clusters)), lambda c, d, members=members: any({c, d} <= {*m} for m in members)
+        )
+        for c in order:
             rows = np.array([i for i, chosen in enumerate(members) if c in chosen])
             update(a, clusters, c, rows, ranks, sweeps=1)

@@ -19,23 +19,36 @@ def message(call):
         ({"ranks": (6, 3, 4)}, "ranks: expected 4 numbers, got 3"),
         ({"ranks": (19, 3, 4, 4)}, "ranks: expected 1 to 18 for mode 0, got 19"),
         ({"ranks": (6, 3, 0, 4)}, "ranks: expected 1 to 8 for mode 2, got 0"),
-        ({"clusters": 0}, "clusters: expected 1 to 24 (the rows of the clustered mode), got 0"),
-        ({"clusters": 25}, "clusters: expected 1 to 24 (the rows of the clustered mode), got 25"),
-        ({"mixtures": 5}, "mixtures: expected 1 to 4 (the clusters), got 5"),
-        ({"mixtures": 0}, "mixtures: expected 1 to 4 (the clusters), got 0"),
-        ({"clustered": 4}, "clustered: expected a mode from 0 to 3, got 4"),
-        (
-            {"directions": np.zeros((5, 3))},
-            "directions: expected 24 rows (the clustered mode's), got 5",
+        ({"clusters": {}, "mixtures": {}}, "clusters: expected at least one clustered mode"),
+        ({"clusters": {1: 0}}, "clusters: expected 1 to 24 for mode 1, got 0"),
+        ({"clusters": {1: 25}}, "clusters: expected 1 to 24 for mode 1, got 25"),
+        (  # of 18 rows: the colours of a light cannot be parted
+            {"clusters": {0: 7}, "mixtures": {}, "global_modes": ()},
+            "clusters: expected 1 to 6 for mode 0, got 7",
         ),
-        ({"directions": np.zeros(24)}, "directions: expected 2 dimensions, got 1"),
-        ({"directions": np.full((24, 3), np.nan)}, "directions: expected finite numbers"),
+        (
+            {"clusters": {4: 2}, "mixtures": {}, "directions": {4: np.zeros((1, 1))}},
+            "clusters: expected distinct modes from 0 to 3, got 4",
+        ),
+        (
+            {"clusters": {-1: 2}, "mixtures": {}, "directions": {-1: np.zeros((1, 1))}},
+            "clusters: expected distinct modes from 0 to 3, got -1",
+        ),
+        ({"mixtures": {1: 5}}, "mixtures: expected 1 to 4 (the clusters) for mode 1, got 5"),
+        ({"mixtures": {1: 0}}, "mixtures: expected 1 to 4 (the clusters) for mode 1, got 0"),
+        ({"mixtures": {2: 1}}, "mixtures: mode 2 has no clusters"),
+        ({"directions": {}}, "directions: expected those of mode 1"),
+        ({"directions": {1: np.zeros((5, 3))}}, "directions: expected 24 rows for mode 1, got 5"),
+        ({"directions": {1: np.zeros(24)}}, "directions: expected 2 dimensions, got 1"),
+        ({"directions": {1: np.full((24, 3), np.nan)}}, "directions: expected finite numbers"),
+        ({"search": "best"}, "search: expected auto, kcta, greedy or optimal, got best"),
         ({"iterations": -1}, "iterations: expected 0 or more, got -1"),
         ({"tolerance": -0.5}, "tolerance: expected 0 or more, got -0.5"),
         ({"threads": -2}, "threads: expected 0 (all) or more, got -2"),
+        ({"start": {}}, "start: expected a model with core"),
     ],
 )
-def test_kcta(fit, changes, expected):
+def test_clustered(fit, changes, expected):
     assert message(lambda: fit(**changes)) == expected
 
 
@@ -44,9 +57,40 @@ def test_global_modes(fit, modes):
     assert message(lambda: fit(global_modes=modes)).startswith("global_modes: expected distinct")
 
 
-def test_colours_of_a_light_cannot_be_parted(fit):
-    text = message(lambda: fit(clustered=0, directions=np.zeros((18, 3))))
-    assert text.startswith("clustered: expected a mode from 1 to 3, got 0")
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("core", lambda core: core[1:]),
+        ("core", lambda core: core[:, :, :2]),
+        ("core", lambda core: core[0]),
+        ("basis", lambda basis: basis[:3]),
+        ("basis", lambda basis: [basis[0][:0], *basis[1:]]),
+        ("basis", lambda basis: [basis[0][:, 1:], *basis[1:]]),
+        ("basis", lambda basis: [*basis[:2], basis[2][:1], basis[3]]),
+        ("basis", lambda basis: [basis[0], basis[1][:, :, :1], *basis[2:]]),
+        ("members", lambda members: {}),
+        ("members", lambda members: {1: members[1][:-1]}),
+        ("members", lambda members: {1: members[1][:, ::-1]}),
+        ("members", lambda members: {1: members[1] + 1}),
+        ("squared_norm", lambda norm: -1.0),
+        ("squared_norm", lambda norm: np.nan),
+    ],
+)
+def test_start(fit, name, change):
+    start = fit(iterations=1)
+    start[name] = change(start[name])
+    text = message(lambda: fit(start=start))
+    assert text.startswith("start") and "expected" in text
+
+
+def test_start_with_global_bases_alone(fit):
+    states = []
+    fit(checkpoint=states.append)
+    start = states[0]
+    assert len(start["core"]) == 0 and start["errors"] == []
+    for basis in (start["basis"][0][:0], start["basis"][0][..., 1:], np.zeros((1, 3, 1, 6))):
+        bad = start | {"basis": [basis, *start["basis"][1:]]}
+        assert message(lambda bad=bad: fit(start=bad)).startswith("start: expected a model")
 
 
 @pytest.mark.parametrize(
@@ -88,6 +132,9 @@ def test_bad_samples_are_named(samples, fit, dtype, value, name, global_modes):
     where = f"got {name} at light 3, view 17, y 2, x 5, channel 1"
     assert message(lambda: fit(samples=bad, global_modes=global_modes)).endswith(where)
     assert message(lambda: nacre_native.fit_nsvd(bad, (6, 3, 4, 4))).endswith(where)
+    start = fit(samples=samples, global_modes=global_modes, iterations=0)
+    again = {"samples": bad, "global_modes": global_modes, "start": start}
+    assert message(lambda: fit(**again)).endswith(where)
 
 
 def test_numbers_too_large_for_single_precision(samples):
@@ -106,6 +153,14 @@ def test_numbers_too_large_for_single_precision(samples):
         ({"gram": np.zeros((4, 4, 2, 3))}, "gram: expected (4, 4, 2, 2), got (4, 4, 2, 3)"),
         ({"gram": np.full((4, 4, 2, 2), np.inf)}, "gram: expected finite numbers"),
         ({"mixtures": 5}, "mixtures: expected 1 to 4 (the clusters), got 5"),
+        ({"tied": 2}, "tied: expected a divisor of the 5 rows, got 2"),
+        ({"tied": 0}, "tied: expected a divisor of the 5 rows, got 0"),
+        ({"search": "best"}, "search: expected kcta, greedy or optimal, got best"),
+        ({"search": "auto"}, "search: expected kcta, greedy or optimal, got auto"),
+        (
+            {"candidates": np.zeros((5, 1, 2), np.uint32), "tied": 5},
+            "candidates: expected (1, any, 2), got (5, 1, 2)",
+        ),
         (
             {"candidates": np.zeros((4, 1, 2), np.uint32)},
             "candidates: expected (5, any, 2), got (4, 1, 2)",

@@ -193,7 +193,7 @@ def test_squared_norm_is_that_of_the_samples():
     samples = np.random.default_rng(3).standard_normal((4, 5, 6, 7, 3)).astype(np.float32)
     expected = np.sum(np.square(samples, dtype=float))
     nsvd = nacre_native.fit_nsvd(samples, (3, 2, 3, 3))
-    kcta = nacre_native.fit_kcta(
-        samples, (3, 2, 3, 3), clusters=2, mixtures=1, directions=np.eye(5)
+    kcta = nacre_native.fit_clustered(
+        samples, (3, 2, 3, 3), clusters={1: 2}, directions={1: np.eye(5)}
     )
     np.testing.assert_allclose([nsvd["squared_norm"], kcta["squared_norm"]], expected, rtol=1e-5)

@@ -256,6 +256,15 @@ def test_other_clustered_modes_are_refused(clusters):
     assert "\n" not in str(error.value)
 
 
+def test_logarithms_are_refused():
+    model = make_model((3, 4, 5, 6, 3))
+    model = replace(model, fit={**model.fit, "domain": "log"})
+    with pytest.raises(NacreError) as error:
+        build_tables(model, SIZE)
+    assert "--domain linear" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
 def test_progress_rises_to_1_and_a_no_stops():
     model = make_model(SHAPE, **KINDS["kcta"])
     seen = []

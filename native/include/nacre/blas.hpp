@@ -23,4 +23,9 @@ void syrk_upper(Op op_a, Index n, Index k, const float* a, Index lda, float beta
 // become the eigenvectors.
 VectorD symmetric_eigen(MatrixD& matrix);
 
+// The `count` largest eigenvalues, in descending order, of a symmetric matrix (only the upper
+// triangle is read, all is lost); row i of `vectors` becomes the eigenvector of the i-th. Quicker
+// than all of them.
+VectorD leading_eigen(MatrixD& matrix, Index count, MatrixD& vectors);
+
 }  // namespace nacre

@@ -17,8 +17,8 @@ namespace nacre {
 void mode_product(const float* in, const Unfolding& view, const MatrixF& basis, Op op, float* out);
 
 // A x_n U^T where only some rows of U and as many of A are at hand, to be added up: `basis` are
-// view.rows rows of `rank` columns; beta is 0 for the first part and 1 for the others.
-void contract(const float* in, const Unfolding& view, const float* basis, Index rank, float beta,
+// view.rows rows of `rank` columns; `add` for all parts but the first.
+void contract(const float* in, const Unfolding& view, const float* basis, Index rank, bool add,
               float* out);
 
 // mode_product over all workers. `out` must not be `in`.

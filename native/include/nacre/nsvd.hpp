@@ -34,9 +34,9 @@ struct NsvdOptions {
     std::function<void(const Tucker&)> checkpoint = {};
 };
 
-// Samples need not fit in memory. Passes over them: two for the start, then two for each iteration,
-// the first one only one. With two ranks and other modes left alone, nothing large is stored, for
-// one pass more in the end.
+// Samples need not fit in memory. Passes over them: two for the start, one for the first iteration,
+// two for each further one; the last may end halfway, when it finds nothing to gain. With two ranks
+// and other modes left alone, nothing large is stored, for one pass more in the end.
 Tucker nsvd(Executor& executor, const TensorSource& source, const NsvdOptions& options);
 
 }  // namespace nacre

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <string>
 
+#include "nacre/colour_domain.hpp"
 #include "nacre/tensor.hpp"
 
 namespace nacre {
@@ -55,13 +56,13 @@ enum class SampleType { kHalf, kFloat };
 
 // A bidirectional texture function as stored: samples (light, view, y, x, channel), C order, half
 // or float, owned by the caller. The tensor has the modes (light rows, view, y, x), where light row
-// `channels * light + channel` is one colour of one light.
+// `channels * light + channel` is one colour of one light, in the domain that is asked for.
 class BtfSource : public TensorSource {
   public:
     // `drop`: the samples are a shared or read-only mapping of a file, whose pages are to be
     // dropped behind the reader (see drop_pages).
     BtfSource(const void* samples, SampleType type, const std::array<Index, 5>& shape,
-              bool drop = false);
+              bool drop = false, ColourDomain domain = ColourDomain::kLinear);
     ~BtfSource() override;
 
     Index channels() const { return dims_[4]; }
@@ -78,6 +79,7 @@ class BtfSource : public TensorSource {
     SampleType type_;
     std::array<Index, 5> dims_;
     bool drop_;
+    ColourDomain domain_;
     mutable std::atomic<std::size_t> undropped_{0};  // bytes read since pages were last dropped
 };
 

@@ -1,4 +1,4 @@
-"""Clustered tensor approximation: N-SVD, CTA and K-CTA of measured appearance.
+"""Clustered tensor approximation: N-SVD, CTA, K-CTA and MK-CTA of measured appearance.
 
 `samples` are float16 or float32, C-contiguous, axes (light, view, y, x, channel); they are read
 where they lie (a read-only memory map will do) and not copied. The tensor that is decomposed has
@@ -31,14 +31,18 @@ class NsvdModel(TypedDict):
     iterations: int
     passes: float  # how often the samples were read: values read over values there are
 
-class KctaModel(TypedDict):
-    core: NDArray[np.float32]  # (C, RL, RV, RY, RX)
-    # (1, I, K, R) of the clustered mode, (1, I, 1, R) of global ones, (C, I, 1, R) of others
+class ClusteredModel(TypedDict):
+    core: NDArray[
+        np.float32
+    ]  # (product of C, RL, RV, RY, RX), clusters in mode order, last fastest
+    # (owners, I, K, R) of each mode: owners are the combinations of the other clustered modes'
+    # clusters, 1 for a global basis; K is 1 unless the mode is clustered
     basis: list[NDArray[np.float32]]
-    members: NDArray[np.uint32]  # (I, K) clusters of each row of the clustered mode, ascending
+    members: dict[int, NDArray[np.uint32]]  # (items, K) of each clustered mode, ascending
     errors: list[float]  # of the first guess and after each iteration; never rising
     squared_norm: float  # ||A||^2
     iterations: int
+    passes: float  # how often the samples were read
 
 def fit_nsvd(
     samples: NDArray[Any],
@@ -49,6 +53,7 @@ def fit_nsvd(
     threads: int = 0,
     memory: int = 0,
     scratch: str = "",
+    domain: str = "linear",
     start: NsvdModel | None = None,
     checkpoint: Callable[[NsvdModel], object] | None = None,
     progress: Callable[[float, str], bool] | None = None,
@@ -63,29 +68,42 @@ def fit_nsvd(
     is no room for them. Pages of samples that are a read-only numpy.memmap, or a view of one, are
     dropped behind the reader.
 
+    `domain` "log" fits log(Y + 0.01), U / (Y + 0.01) and V / (Y + 0.01) of samples in red, green
+    and blue, which are converted as they are read.
+
     `checkpoint` is called with the model after each iteration; given as `start`, the fit goes on
     from there, and the result has the same bits as without the break."""
 
-def fit_kcta(
+def fit_clustered(
     samples: NDArray[Any],
     ranks: Sequence[int],
     *,
-    clustered: int = 1,
-    clusters: int,
-    mixtures: int,
-    global_modes: Sequence[int] = (0,),
-    directions: ArrayLike,
+    clusters: Mapping[int, int],
+    mixtures: Mapping[int, int] = ...,
+    global_modes: Sequence[int] = (),
+    directions: Mapping[int, ArrayLike],
+    search: str = "auto",
     iterations: int = 50,
     tolerance: float = 5e-4,
     seed: int = 0,
     threads: int = 0,
+    memory: int = 0,
+    scratch: str = "",
+    domain: str = "linear",
+    start: Mapping[str, Any] | None = None,
+    checkpoint: Callable[[dict[str, Any]], object] | None = None,
     progress: Callable[[float, str], bool] | None = None,
-) -> KctaModel:
-    """K-CTA (Tsai and Shih 2012, Algorithm 1 and Section 5); CTA if `mixtures` is 1.
+) -> ClusteredModel:
+    """CTA and K-CTA (Tsai and Shih 2012, Algorithm 1) for one clustered mode, MK-CTA (Tsai 2015,
+    Algorithm 1) for several: `clusters` and `mixtures` are {mode: C} and {mode: K}.
 
-    `directions` (I, any): coordinates of the clustered mode's rows, in which the first clusters are
-    found. Stops when neither the sum of core norms nor the error changes by more than `tolerance`
-    of itself, or when the error would rise (the last result is then restored)."""
+    `directions` {mode: (items, any)}: where the items of each clustered mode lie, in which the
+    first clusters are found; the colours of a light are one item. `search`: "kcta", "greedy" (OLS),
+    "optimal" or "auto". Stops when neither the sum of core norms nor the error changes by more than
+    `tolerance` of itself, or when the error would rise (the last result is then restored).
+    `memory`: bytes of anonymous memory, beyond which large tensors are in files in `scratch`.
+    `checkpoint(state)` is called after each iteration that another follows; `start` is such a state
+    or any model of these shapes (with no errors: they are computed)."""
 
 def core_gram(
     core: ArrayLike, basis: Sequence[ArrayLike], *, clustered: int = 1, threads: int = 0
@@ -99,13 +117,18 @@ def search_clusters(
     mixtures: int,
     *,
     candidates: ArrayLike | None = None,
+    search: str = "kcta",
+    tied: int = 1,
     threads: int = 0,
 ) -> tuple[NDArray[np.uint32], NDArray[np.float64]]:
-    """Greedy search (Eqs. 9 to 14) and optimal projection (Eq. 15) in the reduced space.
+    """Mixture clusters and mixing coefficients in the reduced space (Tsai and Shih 2012, Eqs. 9 to
+    15; Tsai 2015, Eqs. 4, 8 and 11).
 
-    projections (n, C, R): ufm(A<i>^(c)) ufm(Z_c)^T; gram as from core_gram; candidates (n, q, K):
-    further sets for each row, of which the one that explains most energy wins, the greedy one in
-    doubt. Returns members (n, K), ascending in a row, and coefficients (n, K, R)."""
+    projections (n, C, R): ufm(A<i>^(c)) ufm(Z_c)^T; gram as from core_gram; candidates
+    (items, q, K): further sets for each item, of which the one that explains most energy wins, the
+    search's own in doubt. `search` as in fit_clustered, but not "auto". `tied` rows that follow
+    each other share their clusters: items are n / tied. Returns members (items, K), ascending in a
+    row, and coefficients (n, K, R)."""
 
 class Evaluator:
     """Random access to a clustered Tucker model of a BTF: y and x expanded for every texel, from
