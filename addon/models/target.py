@@ -57,7 +57,7 @@ _CLUSTERS_COST = 3.0  # dB that clusters may cost at a given size, at the very m
 _ROOM = 64  # bytes for digits of the description that change after a file was measured
 _HALF_FLOATS = 66.0  # dB that the file's 16-bit numbers allow, about
 _TINY = 1e-30
-_MOST_DB = 120.0  # stands for no error at all
+_LEAST = 1e-12  # relative error: 120 dB stand for none at all
 
 
 def compress_to_target(
@@ -262,7 +262,7 @@ class _Search:
                 if landed is not None and floor_db is not None and landed[1] > floor_db:
                     landed = land_on_quality(model, error, fit_db, floor_db, *rest) or landed
             if landed is not None:
-                model, snr_db = landed[0], min(landed[1], _MOST_DB)
+                model, snr_db = landed
                 seconds = round(time.monotonic() - self.started, 3)
                 size = fitted.bytes
                 for _ in range(3):  # the size is in the file, and its digits count
@@ -395,7 +395,7 @@ class _Search:
     def decibels(self, squared_error: float) -> float:
         """A quality in dB."""
         relative = squared_error / self.reduced.squared_norm if squared_error > 0.0 else 0.0
-        return -10.0 * log10(max(relative, 10.0 ** (-_MOST_DB / 10.0)))
+        return -10.0 * log10(max(relative, _LEAST))
 
     @property
     def beside(self) -> int:
