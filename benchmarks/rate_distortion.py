@@ -6,7 +6,8 @@ of which two are taken besides the measured ones.
 The grids have multiples of 4 as ranks (4 of the view mode where it is clustered), every other
 number of clusters, and 2 and 3 mixtures. A setting is left out where it cannot be the best one:
 where the truncation of a larger fit misses the target by far, or where it has a third more numbers
-than the best so far. Its file is compared as `compress` saves it, and rounded to the target as ours.
+than the best so far. Its file is compared as `compress` saves it, and rounded to the target like
+ours.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ from addon.models.fit import compress, mode_sizes
 from addon.models.landing import MOST, saved_bytes
 from addon.models.precision import SHARE, round_model
 from addon.models.rate_distortion import truncations
-from addon.models.target import RANK, compress_to_target
+from addon.models.target import compress_to_target
+from addon.models.target_search import RANK
 
 from ._data import OUT, arguments, materials
 from ._plots import COLOURS, STYLE, _save, plt
