@@ -28,7 +28,7 @@ from addon.models.clustered_tucker import ClusteredTucker
 from addon.models.fit import compress, mode_sizes
 from addon.models.landing import MOST, saved_bytes
 from addon.models.precision import SHARE, round_model
-from addon.models.rate_distortion import truncations
+from addon.models.rate_distortion import Regained, truncations
 from addon.models.target import compress_to_target
 from addon.models.target_search import RANK
 
@@ -45,7 +45,9 @@ _MIDDLE = {"light": 20, "view": 28, "y": 32, "x": 32}  # ranks of N-SVD at mediu
 _LARGEST = {"light": 40, "view": 72, "y": 24, "x": 24}  # ranks of the grid
 _CLUSTERS = range(6, 23, 2)
 _MIXTURES = (2, 3)
-_REGAINED = 0.5  # more of a truncation's loss than a fit at smaller ranks ever regains
+_REGAINED = Regained(
+    0.3, 0.5
+)  # more of a truncation's loss than a fit at smaller ranks ever regains
 _MORE_NUMBERS = 1.35
 
 
@@ -162,7 +164,7 @@ def _truncated(
     """The truncations of one fit that may reach a target when they are fitted."""
     found = truncations(model, model.fit["errors"][-1] * _energy(dataset))
     allowed = _energy(dataset) * 10.0 ** (-target / 10.0)
-    for ranks in found.smallest(allowed, _REGAINED, found.kept.size):
+    for ranks in found.smallest(allowed, _REGAINED, found.numbers.size):
         if all(rank % 4 == 0 for rank in ranks.values()):
             yield found.numbers_at(ranks), {"ranks": ranks, **clustering}
 

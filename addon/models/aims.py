@@ -13,7 +13,7 @@ from ..datasets.dataset import Dataset
 from .clustered_tucker import ClusteredTucker
 from .landing import MOST, USUAL, land_on_bytes, land_on_quality, share_at, size_at
 from .precision import SHARE
-from .rate_distortion import Truncations
+from .rate_distortion import Regained, Truncations
 from .steps import Progress
 
 SPARE = (1.0, 0.5, 2.5)
@@ -43,7 +43,7 @@ class Quality:
         return self.squared_norm * 10.0 ** (-self.snr_db / 10.0)
 
     def shortlist(
-        self, table: Truncations, regained: float, density: float, beside: int, count: int
+        self, table: Truncations, regained: Regained, density: float, beside: int, count: int
     ) -> list[dict[str, int]]:
         """Ranks that seem to get there with the fewest numbers.
 
@@ -99,7 +99,7 @@ class Size:
         return inf
 
     def shortlist(
-        self, table: Truncations, regained: float, density: float, beside: int, count: int
+        self, table: Truncations, regained: Regained, density: float, beside: int, count: int
     ) -> list[dict[str, int]]:
         """Ranks that seem to fit in with the smallest errors."""
         found = []

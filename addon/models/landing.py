@@ -23,10 +23,10 @@ from .steps import Progress, Steps
 USUAL = 0.04
 """What rounding adds to the squared error, as a share of it, where the file of a given quality is
 smallest: less costs bits, more costs the ranks that make up for it. Half or twice costs 2 %."""
-MOST = 0.3
-"""No more is added, also where a target is far below the smallest fit."""
+MOST = 1.0
+"""No more is added, also where a target is far below the smallest fit: 3 dB."""
 
-_FARTHEST = 8.0 * MOST  # what round_model may be asked for, which it does not always add
+_FARTHEST = 4.0 * MOST  # what round_model may be asked for, which it does not always add
 _TINY = 1e-30
 _NEAR_DB = 0.02
 _NEAR_BYTES = 0.01

@@ -16,7 +16,7 @@ from .clustered_tucker import ClusteredTucker
 from .fit import compress, describe
 from .landing import USUAL, saved_bytes
 from .precision import round_model
-from .rate_distortion import Truncations, truncate, truncations
+from .rate_distortion import LOST, Regained, Truncations, truncate, truncations
 from .reduced import BYTES_A_NUMBER, Reduced, first_ranks, larger_ranks, reduce_dataset
 from .steps import Steps
 
@@ -33,10 +33,11 @@ MIXTURES = {"cta": 1, "kcta": 3, "mkcta": 3}
 """More gain next to nothing (MK-CTA, Section 4.3)."""
 
 _GENEROUS = 1.5  # ranks of a trial's fit over those that are expected to be best
-_REGAINED = 0.25  # of a truncation's loss, by a fit at the smaller ranks, where there are clusters
+_REGAINED = Regained(0.02)  # by an N-SVD; of measured materials, about
+_REGAINED_OF_CLUSTERS = Regained(0.1, 0.3)
 _TRIALS = 8  # numbers of clusters
 _FITS = 4  # at the chosen ranks
-_SAVED, _SAVED_BYTES = 4, 2**23  # truncations that are saved, times three, and all their files
+_SAVED, _SAVED_BYTES = 6, 2**23  # truncations that are saved, times three, and all their files
 _NEAR = (USUAL / 3.0, USUAL * 3.0)  # rounding that costs next to no bytes for the quality it takes
 _CLUSTERS_COST = 3.0  # dB that clusters may cost at a given size, at the very most
 
@@ -80,7 +81,7 @@ class Search:
     steps: Steps
     slope: float = 0.5
     density: float = 1.0
-    regained: float = 0.0
+    regained: Regained = LOST
     walked: list[dict[str, Any]] = field(default_factory=list)
     reduced: Reduced = field(init=False)
     best: Trial = field(init=False)
@@ -114,7 +115,7 @@ class Search:
                 if found is not None:
                     self.best, _ = found
                     self.slope = start.table.slope(self.best.ranks)
-                    error = start.table.error_at(self.best.ranks, 0.0)
+                    error = start.table.error_at(self.best.ranks)
                     self.heed_noise(error)
             larger = larger_ranks(self.reduced, self.best.ranks if found else {}, error)
             if memory and BYTES_A_NUMBER * prod(larger.values()) > memory:
@@ -135,8 +136,9 @@ class Search:
         """The best numbers of clusters, from where C_n R_n is N-SVD's rank."""
         if not self.clustered:
             self.sketch()
+            self.regained = _REGAINED
             return
-        self.regained = _REGAINED
+        self.regained = _REGAINED_OF_CLUSTERS
         most = {mode: self.dataset.sizes[mode] for mode in self.clustered}
         start = {m: min(max(1, round(self.best.ranks[m] / RANK)), most[m]) for m in most}
         trials: dict[tuple[int, ...], Trial] = {}
@@ -153,42 +155,48 @@ class Search:
         """The curve about the best truncation of the N-SVD, which needs no fits."""
         trial = self.best
         for step in (-2.0, -1.0, 1.0, 2.0):
-            error = trial.table.error_at(trial.ranks, 0.0) * 10.0 ** (-step / 10.0)
-            for ranks in trial.table.smallest(error, 0.0, 1):
-                error = trial.table.error_at(ranks, 0.0)
+            error = trial.table.error_at(trial.ranks) * 10.0 ** (-step / 10.0)
+            for ranks in trial.table.smallest(error, LOST, 1):
+                error = trial.table.error_at(ranks)
                 self.note(truncate(trial.model, ranks), error)
 
     def fit(self) -> list[Fitted]:
-        """Fits at the best ranks, until rounding can do the rest of the way to the target."""
+        """Fits at the best ranks, the best first, of which rounding brings some to the target.
+
+        Two that it brings there are enough: estimates are off by a few percent.
+        """
         found: dict[tuple[int, ...], Fitted] = {}
-        for number in range(_FITS):
-            trial, left = self.best, _FITS - number + 1
-            clusters = trial.model.clusters
-            key = (*clusters.values(), *trial.ranks.values())
-            if key in found:
-                break
-            fitted = found[key] = self.fitted(trial.ranks, clusters, left)
-            spare = self.aim.spare(fitted.squared_error, fitted.bytes)
-            if _NEAR[0] < spare < _NEAR[1]:
-                break
-            truncated = trial.table.error_at(trial.ranks, 0.0)
-            if truncated > trial.table.error:
-                gain = truncated - fitted.squared_error
-                self.regained = min(gain / (truncated - trial.table.error), 1.0)
-            better = self.choose(trial)
-            if better is not None:
-                self.best, _ = better
-            elif clusters and self.aim.most < inf:  # these do not reach the target
+        trial, candidates = self.best, [self.best.ranks]
+        near = 0
+        while candidates and len(found) < _FITS and near < 2:
+            ranks, clusters = candidates[0], trial.model.clusters
+            fitted = self.fitted(ranks, clusters, _FITS - len(found) + 1)
+            found[(*clusters.values(), *ranks.values())] = fitted
+            near += _NEAR[0] < self.aim.spare(fitted.squared_error, fitted.bytes) < _NEAR[1]
+            self.regained = trial.table.learn(ranks, self.regained, fitted.squared_error)
+            judged = self.judge(trial)
+            if not judged and clusters and self.aim.most < inf:  # these do not reach the target
                 items = self.dataset.sizes
                 more = {m: min(items[m], ceil(1.2 * count)) for m, count in clusters.items()}
-                self.best, _ = self.trial(more, left)
+                trial, _ = self.trial(more, _FITS - len(found) + 1)
+                clusters, judged = trial.model.clusters, [(0.0, trial.ranks)]
+            candidates = [
+                ranks for _, ranks in judged if (*clusters.values(), *ranks.values()) not in found
+            ]
         return sorted(found.values(), key=lambda one: self.merit(one.squared_error, one.bytes))
 
     def choose(self, trial: Trial) -> tuple[Trial, float] | None:
         """The truncation of a fit that is best for the target, as far as is known, and its merit.
 
-        Numbers tell only about how large a file is, so that the first few truncations are saved.
         None where the target is out of reach.
+        """
+        judged = self.judge(trial)
+        return (replace(trial, ranks=judged[0][1]), judged[0][0]) if judged else None
+
+    def judge(self, trial: Trial) -> list[tuple[float, dict[str, int]]]:
+        """The truncations of a fit that may be best for the target, the best one first.
+
+        Numbers tell only about how large a file is: the first few truncations are saved.
         """
         table = trial.table
         beside = len(json.dumps(describe(self.dataset)))
@@ -200,11 +208,11 @@ class Search:
             judged.append((self.merit(error, size), size, ranks))
             if size * len(judged) > _SAVED_BYTES:
                 break
-        if not judged:
-            return None
-        merit, size, ranks = min(judged, key=lambda one: one[0])
-        self.density = max(size - beside, 1) / table.numbers_at(ranks)
-        return replace(trial, ranks=ranks), merit
+        judged.sort(key=lambda one: one[0])
+        if judged:
+            _, size, ranks = judged[0]
+            self.density = max(size - beside, 1) / table.numbers_at(ranks)
+        return [(merit, ranks) for merit, _, ranks in judged]
 
     def trial(self, clusters: dict[str, int], left: int) -> tuple[Trial, float]:
         """A fit at ranks above those of the last trial, and the merit of its best truncation."""
