@@ -9,33 +9,30 @@ from __future__ import annotations
 import contextlib
 import secrets
 from collections.abc import Iterator
-from math import inf, log, prod
+from math import exp, log
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..datasets.dataset import Dataset
-from ..datasets.quality import compare_blocks
 from ..errors import Cancelled
 from .clustered_tucker import ClusteredTucker
 from .exr import load_model, save_model
 from .precision import SHARE, round_model
+from .snr import measure_snr
 from .steps import Progress, Steps
 
 USUAL = 0.04
 """What rounding adds to the squared error, as a share of it, where the file of a given quality is
 smallest: less costs bits, more costs the ranks that make up for it. Half or twice costs 2 %."""
-MOST = 0.3
-"""No more is added, also where a target is far below the smallest fit."""
+MOST = 1.0
+"""No more is added, also where a target is far below the smallest fit: 3 dB."""
 
-_FARTHEST = 8.0 * MOST  # what round_model may be asked for, which it does not always add
+_FARTHEST = 4.0 * MOST  # what round_model may be asked for, which it does not always add
 _TINY = 1e-30
 _NEAR_DB = 0.02
 _NEAR_BYTES = 0.01
 _TRIES = 6
 _STEEPNESS = 10.0  # files shrink by a tenth where the share trebles, about
-_BLOCK_BYTES = 32 * 2**20
+_JUMP = 5.0  # of the share's logarithm, from one try to the next
 
 
 def size_at(share: float) -> float:
@@ -114,7 +111,8 @@ def land_on_bytes(
             steepness = max(log(share / last[0]) / log(last[1] / size), _STEEPNESS / 4.0)
         last = share, size
         low, high = (low, share) if size <= limit else (share, high)
-        share *= (size / (limit * (1.0 - _NEAR_BYTES / 2.0))) ** steepness
+        excess = log(size / (limit * (1.0 - _NEAR_BYTES / 2.0)))
+        share *= exp(min(max(steepness * excess, -_JUMP), _JUMP))
         if not low < share < high:
             share = (low * high) ** 0.5
     if best is None:
@@ -123,21 +121,10 @@ def land_on_bytes(
 
 
 def quality(model: ClusteredTucker, dataset: Dataset, folder: Path, progress: Progress) -> float:
-    """The quality of a model's file, 10 log10(sum A^2 / sum (A - A^)^2); infinite without error."""
+    """The quality in dB of what a model's file holds. Raises Cancelled on request."""
     with _saved(model, folder) as path:
         stored = load_model(path)
-    rows = dataset.shape[0]
-    count = max(1, _BLOCK_BYTES // (4 * prod(dataset.shape[1:])))
-
-    def pairs() -> Iterator[tuple[NDArray[np.floating], NDArray[np.floating]]]:
-        for first in range(0, rows, count):
-            if not progress(first / rows, "Measuring"):
-                raise Cancelled
-            part = slice(first, min(first + count, rows))
-            yield dataset.samples[part], stored.decode(**{dataset.axes[0]: part})
-
-    found = compare_blocks(pairs())["snr_db"]
-    return inf if found is None else found
+    return measure_snr(dataset, stored, progress)
 
 
 def saved_bytes(model: ClusteredTucker, folder: Path) -> int:

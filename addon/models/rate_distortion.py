@@ -20,34 +20,57 @@ _SLOPE = 0.5  # of measured materials: 0.4 to 0.7
 
 
 @dataclass(frozen=True)
+class Regained:
+    """What a fit at smaller ranks wins back of a truncation's loss, as shares of it: little in
+    modes whose basis is global, more in those where each cluster has its own."""
+
+    shared: float = 0.0
+    own: float = 0.0
+
+
+LOST = Regained()
+"""Nothing is regained: the truncation itself."""
+
+
+@dataclass(frozen=True)
 class Truncations:
-    """The truncations of a model's core, one entry of `kept` and `numbers` for each.
+    """The truncations of a model's core, one entry of each array for each.
 
     ranks    for each mode in axis order, the ranks to choose from, ascending
-    kept     squared norm of the truncated cores, summed over clusters, float64
+    shared   squared norm that falls away with the columns of global bases, float64
+    own      what falls away in addition with those of the clusters' own bases; sums over clusters,
+             as if these did not overlap
     numbers  how many numbers the core and the bases then have
     error    sum (A - A^)^2 of the model as it is
     """
 
     ranks: Mapping[str, NDArray[np.intp]]
-    kept: NDArray[np.float64]
+    shared: NDArray[np.float64]
+    own: NDArray[np.float64]
     numbers: NDArray[np.int64]
     error: float
 
-    def errors(self, regained: float) -> NDArray[np.float64]:
-        """Squared errors, when a fit at the smaller ranks regains this share of what falls away.
+    def errors(self, regained: Regained) -> NDArray[np.float64]:
+        """Squared errors, about, of fits at the smaller ranks; exact for a truncated N-SVD."""
+        lost = (1.0 - regained.shared) * self.shared + (1.0 - regained.own) * self.own
+        return self.error + lost
 
-        Clusters overlap where they are mixed; what that adds to the sum is part of `regained`.
-        """
-        return self.error + (1.0 - regained) * (self.kept.flat[-1] - self.kept)
+    def learn(self, ranks: Mapping[str, int], regained: Regained, error: float) -> Regained:
+        """What is regained so that the error at some ranks is the one that a fit has had."""
+        shared, own = (float(lost[self._place(ranks)]) for lost in (self.shared, self.own))
+        expected = regained.shared * shared + regained.own * own
+        if expected <= 0.0:
+            return regained
+        scale = min(max((self.error + shared + own - error) / expected, -3.0), 5.0)
+        return Regained(min(scale * regained.shared, 0.9), min(scale * regained.own, 0.9))
 
-    def smallest(self, error: float, regained: float, count: int) -> list[dict[str, int]]:
-        """Ranks whose squared error is at most `error`: those with the fewest numbers first."""
+    def smallest(self, error: float, regained: Regained, count: int) -> list[dict[str, int]]:
+        """Ranks whose squared error is at most `error`: those with the fewest numbers."""
         errors = self.errors(regained)
         return self._first(self.numbers, errors, errors <= error, count)
 
-    def closest(self, numbers: float, regained: float, count: int) -> list[dict[str, int]]:
-        """Ranks with at most this many numbers: those with the smallest errors first."""
+    def closest(self, numbers: float, regained: Regained, count: int) -> list[dict[str, int]]:
+        """Ranks with at most this many numbers: those with the smallest errors."""
         return self._first(self.errors(regained), self.numbers, self.numbers <= numbers, count)
 
     @property
@@ -55,7 +78,7 @@ class Truncations:
         """The ranks of the smallest truncation."""
         return {mode: int(choices[0]) for mode, choices in self.ranks.items()}
 
-    def error_at(self, ranks: Mapping[str, int], regained: float) -> float:
+    def error_at(self, ranks: Mapping[str, int], regained: Regained = LOST) -> float:
         """The squared error at some of the ranks to choose from."""
         return float(self.errors(regained)[self._place(ranks)])
 
@@ -68,8 +91,8 @@ class Truncations:
 
     def slope(self, ranks: Mapping[str, int]) -> float:
         """How the logarithm of the numbers grows with each dB about some ranks."""
-        error = self.error_at(ranks, 0.0)
-        less, more = (self.smallest(error * 10.0**step, 0.0, 1) for step in (0.1, -0.1))
+        error = self.error_at(ranks)
+        less, more = (self.smallest(error * 10.0**step, LOST, 1) for step in (0.1, -0.1))
         if not less or not more:
             return _SLOPE
         growth = log(self.numbers_at(*more) / self.numbers_at(*less)) / 2.0
@@ -78,9 +101,15 @@ class Truncations:
     def _first(
         self, wanted: NDArray, then: NDArray, allowed: NDArray[np.bool_], count: int
     ) -> list[dict[str, int]]:
+        """The first in the order of `wanted`, ties in that of `then`, one for each rank of x.
+
+        Their files differ more than their numbers: a part of a file is as wide as that rank, and
+        narrow ones are packed badly.
+        """
         places = np.flatnonzero(allowed)
-        order = np.lexsort((then.flat[places], wanted.flat[places]))[:count]
-        found = np.stack(np.unravel_index(places[order], allowed.shape), axis=1)
+        places = places[np.lexsort((then.flat[places], wanted.flat[places]))]
+        _, first = np.unique(places % allowed.shape[-1], return_index=True)
+        found = np.stack(np.unravel_index(places[np.sort(first)[:count]], allowed.shape), axis=1)
         return [
             {
                 mode: int(choices[place])
@@ -93,7 +122,7 @@ class Truncations:
 def truncations(model: ClusteredTucker, squared_error: float) -> Truncations:
     """The truncations of a model whose squared error is known; clustered modes keep their ranks."""
     ranks = {
-        mode: np.array([rank]) if mode in model.clusters else rank_choices(rank)
+        mode: np.array([rank]) if mode in model.clusters else rank_choices(mode, rank)
         for mode, rank in model.ranks.items()
     }
     # Only the corners that `ranks` names are wanted: sums over the blocks between them, cluster by
@@ -114,12 +143,23 @@ def truncations(model: ClusteredTucker, squared_error: float) -> Truncations:
     for mode, rank in zip(ranks, grid, strict=True):
         owners, rows, mixtures, _ = model.bases[mode].shape
         numbers = numbers + owners * rows * mixtures * rank
-    return Truncations(ranks, kept, numbers, squared_error)
+    # With every column of the clusters' own bases only those of global ones are missing.
+    whole = kept
+    for axis, mode in enumerate(ranks):
+        if len(model.bases[mode]) > 1:
+            whole = whole.take([-1], axis=axis)
+    whole = np.broadcast_to(whole, kept.shape)
+    return Truncations(ranks, kept.flat[-1] - whole, whole - kept, numbers, squared_error)
 
 
-def rank_choices(largest: int) -> NDArray[np.intp]:
-    """Multiples of 4 (K-CTA, Section 6), below them 1 to 3, and the largest itself."""
-    return np.unique([*range(1, min(4, largest + 1)), *range(4, largest + 1, 4), largest])
+def rank_choices(mode: str, largest: int) -> NDArray[np.intp]:
+    """Ranks of a mode to choose from: small ones, multiples of 4, and the largest.
+
+    Four numbers are fetched at a time (K-CTA, Section 6). The x and y modes are expanded before
+    that, and there every rank will do, as long as one more makes a difference.
+    """
+    single = 32 if mode in ("y", "x") else 8
+    return np.unique([*range(1, min(single, largest) + 1), *range(4, largest + 1, 4), largest])
 
 
 def truncate(model: ClusteredTucker, ranks: Mapping[str, int]) -> ClusteredTucker:

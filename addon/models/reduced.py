@@ -22,8 +22,10 @@ from .clustered_tucker import MODES, ClusteredTucker, modes_of
 from .fit import describe, mode_sizes
 from .steps import Progress
 
+BYTES_A_NUMBER = 32
+"""Of a reduced dataset: what it takes together with a fit to it."""
+
 _NUMBERS = 2**27  # that a first reduced dataset may have
-_BYTES_A_NUMBER = 32  # that a fit to a reduced dataset takes, with the dataset itself
 _LIGHTS = 64  # ranks of its light mode; enough up to about 20 dB
 _LOST = 0.1  # what the reduction may add to a fit's squared error, as a share of it
 
@@ -136,7 +138,7 @@ def reduce_dataset(
 def first_ranks(dataset: Dataset, clustered: Collection[str], memory: int = 0) -> dict[str, int]:
     """Ranks to begin with: all rows of clustered modes, as many of the others as memory has room
     for, and of the light mode's, which are three times the lights, few of them."""
-    room = min(_NUMBERS, memory // _BYTES_A_NUMBER) if memory else _NUMBERS
+    room = min(_NUMBERS, memory // BYTES_A_NUMBER) if memory else _NUMBERS
     ranks = mode_sizes(dataset)
     if "light" in ranks and "light" not in clustered:
         ranks["light"] = min(ranks["light"], _LIGHTS)

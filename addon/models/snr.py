@@ -29,13 +29,13 @@ def measure_snr(
     """
 
     def pairs() -> Iterator[tuple[NDArray[np.floating], NDArray[np.floating]]]:
-        lights = len(dataset.samples)
+        rows = len(dataset.samples)
         count = max(1, _BLOCK // prod(dataset.shape[1:]))
-        for first in range(0, lights, count):
-            if progress is not None and not progress(first / lights, "Measuring the error"):
+        for first in range(0, rows, count):
+            if progress is not None and not progress(first / rows, "Measuring the error"):
                 raise Cancelled
             part = slice(first, first + count)
-            yield dataset.samples[part], model.decode(part)
+            yield dataset.samples[part], model.decode(**{model.modes[0]: part})
 
     found = compare_blocks(pairs())["snr_db"]
     return _MOST_DB if found is None else min(found, _MOST_DB)

@@ -44,7 +44,9 @@ def test_a_fit_to_the_reduced_dataset_is_one_to_the_dataset(method, less, datase
     energy = np.sum(np.square(dataset.samples, dtype=float))
     assert reduced.squared_norm == pytest.approx(energy)
     assert reduced.ranks == ranks
-    assert squared_error(reduced.nsvd, dataset) == pytest.approx(reduced.lost, rel=1e-3, abs=1e-4)
+    assert squared_error(reduced.nsvd, dataset) == pytest.approx(
+        reduced.lost, rel=1e-3, abs=1e-6 * energy
+    )
     assert (reduced.lost > 1e-3) == bool(less)
     model = reduced.restore(compress(reduced.dataset, method, **SETTINGS[method]))
     assert model.shape == SHAPE
