@@ -1,8 +1,7 @@
 """What this machine can do at most: single-precision matrix products, and memory bandwidth.
 
-Both with the OpenBLAS that the compiled helper is built on (scipy-openblas32, which dispatches on
-OPENBLAS_CORETYPE as it does inside the helper) and, like the helper, with threads that each call it
-alone.
+Both with the OpenBLAS that lies beside the compiled helper and, like the helper, with threads that
+each call it alone.
 """
 
 from __future__ import annotations
@@ -15,8 +14,8 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 
+import nacre_native
 import numpy as np
-import scipy_openblas32
 
 SIDE = 1536
 STREAM = 1 << 25  # floats in each thread's array: 128 MiB, far beyond the caches
@@ -30,8 +29,8 @@ def threads() -> int:
 
 @cache
 def _library() -> ctypes.CDLL:
-    folder = Path(scipy_openblas32.get_lib_dir())
-    library = ctypes.CDLL(str(next(folder.glob("libscipy_openblas*.so"))))
+    path = Path(nacre_native.__file__).with_name("libnacre_openblas.so")
+    library = ctypes.CDLL(str(path))
     library.scipy_openblas_set_num_threads(1)
     library.scipy_cblas_sdot.restype = ctypes.c_float
     return library
