@@ -12,7 +12,7 @@ from .datasets.importing import describe_source
 from .datasets.source import BLOCK_BYTES
 from .errors import NacreError
 
-METHODS = {"nsvd": "N-SVD", "cta": "CTA", "kcta": "K-CTA"}
+METHODS = {"nsvd": "N-SVD", "cta": "CTA", "kcta": "K-CTA", "mkcta": "MK-CTA"}
 
 
 def parse_facts(facts: str) -> list[tuple[str, str]]:
@@ -81,20 +81,23 @@ def _source_facts(path: str, cosine: int | None, _changed: int, _size: int) -> s
     return _facts(describe, path)
 
 
-def expected_model(dataset: Dataset, settings: dict[str, dict[str, int]]) -> str:
+def expected_model(dataset: Dataset, method: str, settings: dict[str, dict[str, int]]) -> str:
     """What `compress` with these settings would save at most: half floats for core and bases, a
-    number for each item's clusters; the light basis is shared.
+    number for each item's clusters.
     """
-    from .models.fit import mode_sizes
+    from .models.fit import mode_sizes, usual_global_modes
 
-    rows = mode_sizes(dataset)
-    clusters = math.prod(settings.get("clusters", {}).values())
-    mixtures = math.prod(settings.get("mixtures", {}).values())
-    owners = {"light": 1, "view": mixtures, "y": clusters, "x": clusters}
-    ranks = settings["ranks"]
-    halves = clusters * math.prod(ranks.values())
-    halves += sum(owners[mode] * rows[mode] * ranks[mode] for mode in rows)
-    size = 2 * halves + 4 * rows["view"] * mixtures
+    rows, ranks = mode_sizes(dataset), settings["ranks"]
+    clusters, mixtures = settings.get("clusters", {}), settings.get("mixtures", {})
+    every = math.prod(clusters.values())
+    shared = usual_global_modes(method, rows, clusters)
+    halves = every * math.prod(ranks.values())
+    members = 0
+    for mode in rows:
+        owners = 1 if mode in shared else every // clusters.get(mode, 1)
+        halves += owners * rows[mode] * mixtures.get(mode, 1) * ranks[mode]
+        members += rows[mode] * mixtures.get(mode, 0)
+    size = 2 * halves + 4 * members
     return f"up to {size_text(size)} (1 : {round(dataset.raw_bytes / size)})"
 
 

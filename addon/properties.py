@@ -1,7 +1,7 @@
 """What a scene and a material keep of the user's choices."""
 
 import bpy
-from bpy.props import EnumProperty, PointerProperty, StringProperty
+from bpy.props import EnumProperty, FloatProperty, PointerProperty, StringProperty
 
 from .errors import NacreError
 from .facts import dataset_facts, expected_model, model_facts
@@ -17,6 +17,10 @@ def first_light(scene: bpy.types.Scene) -> bpy.types.Object | None:
     return next((item for item in scene.objects if _is_light(scene, item)), None)
 
 
+TARGETS = {"TARGET_DB": "target_db", "TARGET_MB": "target_mb"}
+"""Qualities that a search reaches, and the property that holds each."""
+
+
 # Panels only draw what these callbacks found out when a path was set: no file is read to draw.
 
 
@@ -27,7 +31,7 @@ def _dataset_set(self: "NACRE_PG_scene", context: bpy.types.Context) -> None:
 
 def _settings_set(self: "NACRE_PG_scene", _context: bpy.types.Context) -> None:
     self.expected_size = ""
-    if not self.dataset:
+    if not self.dataset or self.quality in TARGETS:
         return
     try:
         from .datasets.dataset import open_dataset
@@ -37,7 +41,7 @@ def _settings_set(self: "NACRE_PG_scene", _context: bpy.types.Context) -> None:
         settings = quality_settings(dataset, self.method.lower(), self.quality)
     except (NacreError, ImportError):
         return
-    self.expected_size = expected_model(dataset, settings)
+    self.expected_size = expected_model(dataset, self.method.lower(), settings)
 
 
 def _model_set(self: "NACRE_PG_scene", _context: bpy.types.Context) -> None:
@@ -61,6 +65,12 @@ class NACRE_PG_scene(bpy.types.PropertyGroup):
             ("NSVD", "N-SVD", "One core tensor for all views: best quality, slow to draw"),
             ("CTA", "CTA", "Each view in one cluster: fastest to draw, lowest quality"),
             ("KCTA", "K-CTA", "Each view mixes a few clusters: fast to draw, good quality"),
+            (
+                "MKCTA",
+                "MK-CTA",
+                "Each view and each light mixes a few clusters: best quality on glossy surfaces. "
+                "A material cannot show it yet",
+            ),
         ),
         default="KCTA",
         update=_settings_set,
@@ -72,9 +82,34 @@ class NACRE_PG_scene(bpy.types.PropertyGroup):
             ("DRAFT", "Draft", "Small and quick, for a first look"),
             ("MEDIUM", "Medium", "A good picture at a moderate size"),
             ("HIGH", "High", "Fine detail, at several times the size"),
+            (
+                "TARGET_DB",
+                "Target Quality",
+                "The smallest model of a quality; takes several fits to find",
+            ),
+            ("TARGET_MB", "Target Size", "The best model of a size; takes several fits to find"),
         ),
         default="MEDIUM",
         update=_settings_set,
+    )
+    target_db: FloatProperty(
+        name="Decibels",
+        description="Energy of the samples over that of the error, in decibels: 10 keeps 90 % of "
+        "the energy, 20 keeps 99 %",
+        default=15.0,
+        min=0.1,
+        soft_max=40.0,
+        max=66.0,
+        precision=1,
+        step=50,
+    )
+    target_mb: FloatProperty(
+        name="Megabytes",
+        description="Largest size of the model's file, in millions of bytes",
+        default=1.0,
+        min=0.001,
+        soft_max=100.0,
+        precision=3,
     )
     expected_size: StringProperty(options={"HIDDEN"})
     output: StringProperty(

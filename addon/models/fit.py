@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import replace
 from math import log10
 from pathlib import Path
@@ -119,8 +119,7 @@ def compress(
     clusters = {mode: clusters[mode] for mode in MODES if mode in clusters} | clusters
     modes = modes_of(dataset.kind)
     if global_modes is None:
-        default = {"nsvd": (), "mkcta": ("y", "x")}.get(method, ("light",))
-        global_modes = tuple(mode for mode in default if mode in modes and mode not in clusters)
+        global_modes = usual_global_modes(method, modes, clusters)
     _check(dataset, method, ranks, clusters, mixtures, global_modes, search)
     check_domain(domain, dataset)
     started = time.monotonic()
@@ -215,6 +214,14 @@ def compress(
         return model
     snr_db = round(measure_snr(dataset, model, progress), 4)
     return replace(model, fit={**model.fit, "snr_db": snr_db})
+
+
+def usual_global_modes(
+    method: str, modes: Iterable[str], clusters: Container[str]
+) -> tuple[str, ...]:
+    """The modes whose basis all clusters share, unless told otherwise."""
+    usual = {"nsvd": (), "mkcta": ("y", "x")}.get(method, ("light",))
+    return tuple(mode for mode in usual if mode in modes and mode not in clusters)
 
 
 def mode_sizes(dataset: Dataset) -> dict[str, int]:

@@ -1,5 +1,6 @@
 """A dataset to a model, with the method and quality chosen in the panel."""
 
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -8,6 +9,7 @@ from ..datasets.dataset import open_dataset
 from ..datasets.occlusion import with_value
 from ..facts import parse_facts
 from ..jobs import JobOperator, Progress, Work
+from ..properties import TARGETS
 from .ready import is_ready
 
 
@@ -28,18 +30,26 @@ class NACRE_OT_compress(JobOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Work:
         from ..models.exr import check_destination, save_model
         from ..models.fit import compress, quality_settings
+        from ..models.target import compress_to_target
 
         chosen = context.scene.nacre
         dataset = open_dataset(bpy.path.abspath(chosen.dataset))
         method = chosen.method.lower()
-        settings = quality_settings(dataset, method, chosen.quality)
         output = check_destination(
             bpy.path.abspath(chosen.output) or dataset.path.with_suffix(".exr")
         )
+        if chosen.quality in TARGETS:
+            wanted = round(
+                getattr(chosen, TARGETS[chosen.quality]), 6
+            )  # a float, shown in decimals
+            aim = {"snr_db" if chosen.quality == "TARGET_DB" else "megabytes": wanted}
+            fit = partial(compress_to_target, folder=output.parent, **aim)
+        else:
+            fit = partial(compress, **quality_settings(dataset, method, chosen.quality))
 
         def work(progress: Progress) -> Path:
             fitted = with_value(dataset, "signed-distance" if dataset.value else "")
-            save_model(compress(fitted, method, **settings, progress=progress), output)
+            save_model(fit(fitted, method, progress=progress), output)
             return output
 
         return work

@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..properties import TARGETS
 from .layout import SidebarPanel, draw_facts, draw_step, property_column
 
 
@@ -13,6 +14,8 @@ class NACRE_PT_compress(SidebarPanel, bpy.types.Panel):
         layout = property_column(self.layout)
         layout.prop(chosen, "method")
         layout.prop(chosen, "quality")
+        if chosen.quality in TARGETS:
+            layout.prop(chosen, TARGETS[chosen.quality])
         layout.prop(chosen, "output", placeholder="Beside the dataset")
         if chosen.expected_size:
             draw_facts(context, layout, f"Size\t{chosen.expected_size}")

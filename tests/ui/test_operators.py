@@ -137,6 +137,27 @@ def test_the_model_goes_beside_the_dataset(scene, model, dataset):
     assert scene.nacre.model == str(dataset.with_suffix(".exr"))
 
 
+def test_a_target_quality_is_reached(scene, dataset, tmp_path):
+    settings = scene.nacre
+    settings.dataset, settings.output = str(dataset), str(tmp_path / "a.exr")
+    settings.quality, settings.target_db = "TARGET_DB", 8.0
+    assert settings.expected_size == ""
+    assert bpy.ops.nacre.compress() == {"FINISHED"}
+    facts = dict(row.split("\t") for row in settings.model_facts.split("\n"))
+    assert facts["SNR"] in ("8.0 dB", "8.1 dB")
+    assert os.listdir(tmp_path) == ["a.exr"]
+
+
+def test_a_target_size_is_kept(scene, dataset, tmp_path):
+    settings = scene.nacre
+    settings.dataset, settings.output = str(dataset), str(tmp_path / "a.exr")
+    settings.quality, settings.target_mb = "TARGET_MB", 0.05
+    assert bpy.ops.nacre.compress() == {"FINISHED"}
+    assert 45_000 < (tmp_path / "a.exr").stat().st_size <= 50_000
+    settings.target_mb = 0.001
+    assert "the smallest takes about" in fails(bpy.ops.nacre.compress)
+
+
 def test_compressing_needs_a_dataset(scene, tmp_path):
     with pytest.raises(RuntimeError, match="Import a BTF or choose a dataset first"):
         bpy.ops.nacre.compress()
@@ -154,6 +175,17 @@ def test_a_model_is_an_exr_file_in_a_folder_that_exists(scene, dataset, tmp_path
     assert "there is no folder" in fails(bpy.ops.nacre.compress)
     assert settings.model == ""
     assert os.listdir(tmp_path) == []
+
+
+def test_mkcta_is_a_method_too(scene, dataset, tmp_path):
+    settings = scene.nacre
+    settings.dataset, settings.output = str(dataset), str(tmp_path / "a.exr")
+    settings.method, settings.quality = "MKCTA", "DRAFT"
+    announced = float(settings.expected_size.removeprefix("up to ").split(" kB")[0])
+    assert bpy.ops.nacre.compress() == {"FINISHED"}
+    assert "Method\tMK-CTA" in settings.model_facts
+    assert 0.5 * announced < (tmp_path / "a.exr").stat().st_size / 1e3 <= announced
+    assert "MK-CTA" in fails(bpy.ops.nacre.create_material)
 
 
 def test_the_expected_size_follows_the_settings(scene, dataset):

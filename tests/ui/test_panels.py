@@ -91,6 +91,15 @@ def test_facts_are_drawn_without_reading_a_file(scene, dataset, model, monkeypat
     assert shown == ["wool", "light", "default_value", "default_value"]
 
 
+def test_only_a_target_asks_for_a_number(scene):
+    for quality, name in (("MEDIUM", None), ("TARGET_DB", "target_db"), ("TARGET_MB", "target_mb")):
+        scene.nacre.quality = quality
+        shown = draw(by_name("NACRE_PT_compress"))
+        assert [item for item in shown if str(item).startswith("target")] == (
+            [name] if name else []
+        )
+
+
 def test_a_problem_takes_as_many_lines_as_it_needs(scene, tmp_path):
     scene.nacre.dataset = str(tmp_path)
     shown = draw(by_name("NACRE_PT_import_btf"))

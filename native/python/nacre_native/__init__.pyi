@@ -154,6 +154,6 @@ class Evaluator:
     def decode_texels(
         self, light: ArrayLike, view: ArrayLike, texels: ArrayLike, *, threads: int = 0
     ) -> NDArray[np.float32]:
-        """Unclamped values (n, channels), in the domain that was fitted, at texels y * width + x (n,)
-        for one light and one view; (pairs, n, channels) for as many lights and views, with texels
-        (n,) or (pairs, n)."""
+        """Unclamped values (n, channels), in the domain that was fitted, at texels y * width + x
+        (n,) for one light and one view; (pairs, n, channels) for as many lights and views, with
+        texels (n,) or (pairs, n)."""
