@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from addon.datasets.dataset import Dataset, open_dataset
@@ -21,8 +22,10 @@ GLOSSY = ("studs", "lacquer", "weave")
 """Sharp, glossy materials, the sharpest first."""
 
 
-def arguments(program: str, text: str | None) -> argparse.Namespace:
-    """The command line of a benchmark over materials: .folder and .only."""
+def arguments(
+    program: str, text: str | None, more: Callable[[argparse.ArgumentParser], None] | None = None
+) -> argparse.Namespace:
+    """The command line of a benchmark over materials: .folder, .only, and what `more` adds."""
     parser = argparse.ArgumentParser(prog=f"python -m benchmarks.{program}", description=text)
     given = os.environ.get("NACRE_BENCH_DATA")
     parser.add_argument(
@@ -33,6 +36,8 @@ def arguments(program: str, text: str | None) -> argparse.Namespace:
         help="with rendered datasets, NAME.nacre (default: NACRE_BENCH_DATA)",
     )
     parser.add_argument("--only", nargs="+", metavar="NAME", help="of all the materials")
+    if more:
+        more(parser)
     return parser.parse_args()
 
 
