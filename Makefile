@@ -34,7 +34,7 @@ missing-packages: # Print the system packages that setup would ask for
 demo: .venv ## Compress a measured material and render it with EEVEE and Cycles into out/demo
 	@$(PYTHON) -m tools.demo
 
-test: setup lint test-native test-python ## Run every check and test
+test: setup lint test-native test-sanitizers test-python ## Run every check and test
 
 lint: .venv ## Check style and types
 	$(PYTHON) -m ruff check .

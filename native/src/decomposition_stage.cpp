@@ -41,6 +41,7 @@ class DecompositionStage::Cluster {
     Executor alone;
     BlockDecomposition decomposition;
     Tensor block, a, b;
+    ResidualScratch in_place;
     std::vector<Index> offsets;  // of each row of the block in the tensor, in rows
 };
 
@@ -110,7 +111,7 @@ void DecompositionStage::update(Executor& executor, Cluster& scratch, Tensor& re
                                 int sweeps) {
     const bool first_time = state_.cores[at(c)].size() == 0;
     if (!first_time && sweeps == 1 && has_clustered_bases_alone(state_)) {
-        update_in_place(executor, state_, c, residual);
+        update_in_place(executor, state_, c, residual, scratch.in_place);
         return;
     }
     const Index modes = state_.clustered(), columns = state_.columns();

@@ -13,7 +13,7 @@ namespace {
 
 // One cluster: core (ranks..., columns) and the bases of its clustered modes.
 struct Part {
-    Tensor core;
+    Tensor& core;
     std::vector<MatrixF> bases;
 };
 
@@ -61,22 +61,20 @@ class Rows {
 };
 
 // The core expanded by these matrices over the clustered modes; null leaves a mode alone.
-Tensor expanded(Executor& executor, const Tensor& core, Bases bases) {
+void expand(Executor& executor, const Tensor& core, Bases bases, Tensor& result, Tensor& scratch) {
     bases.resize(core.shape().size(), nullptr);
-    Tensor result, scratch;
     multi_mode_product(executor, core, bases, Op::kNone, result, scratch);
-    return result;
 }
 
-// (residual + what the cluster adds) x_mode U^T over its members.
-Tensor contracted(Executor& executor, const Rows& rows, const Part& part, const Tensor& residual,
-                  Index mode, const MatrixF& basis) {
+// result = (residual + what the cluster adds) x_mode U^T over its members.
+void contract(Executor& executor, const Rows& rows, const Part& part, const Tensor& residual,
+              Index mode, const MatrixF& basis, Tensor& result, Tensor& scratch) {
     const Index columns = part.core.dim(part.core.order() - 1);
     const MatrixF change = basis.transpose() * part.bases[at(mode)];
     Bases bases;
     for (const MatrixF& u : part.bases) bases.push_back(&u);
     bases[at(mode)] = &change;
-    Tensor result = expanded(executor, part.core, std::move(bases));
+    expand(executor, part.core, std::move(bases), result, scratch);
     const MatrixF weights = basis.transpose();
     const Index inner = unfolding(rows.shape(), mode).inner, rank = basis.cols();
     executor.parallel_for(rows.slices(mode), [&](Index slice, int) {
@@ -88,27 +86,27 @@ Tensor contracted(Executor& executor, const Rows& rows, const Part& part, const 
         }
         thin_product(rank, columns, basis.rows(), weights.data(), from.data(), 1.0f, to.data());
     });
-    return result;
 }
 
 // residual += one part - another.
 void exchange(Executor& executor, const Rows& rows, const Part& out, const Part& in,
-              Tensor& residual) {
+              Tensor& residual, ResidualScratch& scratch) {
     const Index last = static_cast<Index>(out.bases.size()) - 1;
     const Index columns = out.core.dim(out.core.order() - 1);
-    const auto all_but_last = [&](const Part& part) {
+    const auto expand_all_but_last = [&](const Part& part, Tensor& result) {
         Bases bases;
         for (Index k = 0; k < last; ++k) bases.push_back(&part.bases[at(k)]);
-        return expanded(executor, part.core, std::move(bases));
+        expand(executor, part.core, std::move(bases), result, scratch.other);
     };
-    const Tensor before = all_but_last(out), after = all_but_last(in);
+    expand_all_but_last(out, scratch.before);
+    expand_all_but_last(in, scratch.after);
     const MatrixF &u = out.bases[at(last)], &v = in.bases[at(last)];
     const Index rank = u.cols();
     MatrixF weights(u.rows(), 2 * rank);
     weights << u, -v;
     executor.parallel_for(rows.slices(last), [&](Index slice, int) {
         std::vector<const float*> from;
-        for (const Tensor* part : {&before, &after}) {
+        for (const Tensor* part : {&scratch.before, &scratch.after}) {
             for (Index r = 0; r < rank; ++r) {
                 from.push_back(part->data() + (slice * rank + r) * columns);
             }
@@ -126,7 +124,8 @@ bool has_clustered_bases_alone(const ClusterState& state) {
                        [](Index r) { return r == 0; });
 }
 
-void update_in_place(Executor& executor, ClusterState& state, Index c, Tensor& residual) {
+void update_in_place(Executor& executor, ClusterState& state, Index c, Tensor& residual,
+                     ResidualScratch& scratch) {
     const Rows rows(state, c);
     const Index modes = state.clustered();
     Shape shape;
@@ -135,27 +134,28 @@ void update_in_place(Executor& executor, ClusterState& state, Index c, Tensor& r
         shape.push_back(state.groupings[at(k)].rank);
     }
     shape.push_back(state.columns());
-    Part old{Tensor(shape), {}}, now;
+    Part old{scratch.old_core, {}}, now{scratch.core, {}};
+    old.core.reset(shape);
     std::copy_n(state.cores[at(c)].data(), old.core.size(), old.core.data());
     for (Index k = 0; k < modes; ++k) old.bases.push_back(state.bases[at(c)][at(k)]);
     now.bases = old.bases;
     for (Index k = 1; k < modes; ++k) now.bases[at(k)] = orthonormal(now.bases[at(k)]);
 
-    Tensor rest, scratch;
+    Tensor& rest = scratch.rest;
     for (Index n = 0; n < modes; ++n) {
         const Index first = n == 0 ? 1 : 0;
-        rest = contracted(executor, rows, old, residual, first, now.bases[at(first)]);
+        contract(executor, rows, old, residual, first, now.bases[at(first)], rest, scratch.other);
         for (Index q = 0; q < modes; ++q) {
             if (q == n || q == first) continue;
-            mode_product(executor, rest, q, now.bases[at(q)], Op::kTranspose, scratch);
-            std::swap(rest, scratch);
+            mode_product(executor, rest, q, now.bases[at(q)], Op::kTranspose, scratch.other);
+            std::swap(rest, scratch.other);
         }
         const Index rank = std::min(shape[at(n)], rows.shape()[at(n)]);
         now.bases[at(n)] = leading_basis(gram(executor, rest, n), rank);
     }
     mode_product(executor, rest, modes - 1, now.bases.back(), Op::kTranspose, now.core);
     pad(executor, shape, now.bases, now.core);
-    exchange(executor, rows, old, now, residual);
+    exchange(executor, rows, old, now, residual, scratch);
 
     std::copy_n(now.core.data(), now.core.size(), state.cores[at(c)].data());
     std::copy_n(now.core.data(), now.core.size(), state.spread(c));

@@ -10,8 +10,14 @@ namespace nacre {
 // Whether the clusters of this state are of that kind.
 bool has_clustered_bases_alone(const ClusterState& state);
 
+// Memory that the clusters one after the other use.
+struct ResidualScratch {
+    Tensor old_core, core, rest, before, after, other;
+};
+
 // One sweep of alternating least squares for cluster c, from its present bases, which need not be
 // orthonormal. `residual` is the tensor less its approximation, and stays so.
-void update_in_place(Executor& executor, ClusterState& state, Index c, Tensor& residual);
+void update_in_place(Executor& executor, ClusterState& state, Index c, Tensor& residual,
+                     ResidualScratch& scratch);
 
 }  // namespace nacre
