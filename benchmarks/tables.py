@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from addon.datasets.dataset import Dataset
 
-from ._data import GLOSSY, arguments, materials
+from ._data import arguments, glossiest, materials
 from ._methods import MIB, Fit, Settings, fit
 from ._papers import KCTA, MKCTA, kcta_settings, like_kcta, like_mkcta, mkcta_settings
 from ._report import MARK, bar, table
@@ -32,6 +32,7 @@ def main() -> None:
         kcta_table(name, dataset)
     for name, dataset in found.items():
         mkcta_table(name, dataset)
+    glossy_bar(found)
     search_table(found)
     coarse_table(found)
 
@@ -105,14 +106,32 @@ def mkcta_table(name: str, dataset: Dataset) -> None:
     print(f"\n{_title('MK-CTA, Table I', name, dataset, like, paper.shape)}")
     print(_beside(ours, theirs))
     _, nsvd, kcta, mkcta = (found.snr for found in fits)
-    wanted = ABOVE_KCTA if name == GLOSSY[0] else 0.0
     print(
         bar(
-            mkcta - kcta >= wanted,
-            f"MK-CTA {mkcta - kcta:+.2f} dB over K-CTA of its size"
-            + (f", at least +{wanted:g}" if wanted else " (where lights and views both vary)")
-            + f"; {mkcta - nsvd:+.2f} over N-SVD "
+            mkcta > kcta,
+            f"MK-CTA {mkcta - kcta:+.2f} dB over K-CTA of its size (where lights and views both "
+            f"vary); {mkcta - nsvd:+.2f} over N-SVD "
             f"(paper {_over(paper.db, 3, 2)} and {_over(paper.db, 3, 1)})",
+        )
+    )
+
+
+def glossy_bar(found: dict[str, Dataset]) -> None:
+    """Lego's clusters and angular ranks with x and y in full: highlights move by single texels."""
+    name = glossiest(found)
+    dataset = found[name]
+    _, nsvd, kcta, mkcta = (
+        fit(dataset, replace(setting, ranks=(*setting.ranks[:2], *dataset.shape[2:4])))
+        for setting in mkcta_settings(dataset, MKCTA["Lego"])
+    )
+    above = mkcta.snr - kcta.snr
+    print(f"\nLego's parameters with all ranks of x and y: {name}")
+    print(
+        bar(
+            above >= ABOVE_KCTA,
+            f"MK-CTA {mkcta.snr:.2f} dB in {mkcta.mb:.2f} MB, {above:+.2f} over K-CTA's "
+            f"{kcta.snr:.2f} dB in {kcta.mb:.2f} MB (at least +{ABOVE_KCTA:g}) and "
+            f"{mkcta.snr - nsvd.snr:+.2f} over N-SVD's {nsvd.snr:.2f} dB in {nsvd.mb:.2f} MB",
         )
     )
 
