@@ -1,8 +1,8 @@
 """What N-SVD, K-CTA and MK-CTA of one size look like: images of the glossiest material.
 
-`python -m benchmarks.pictures [FOLDER] [--only NAME]` writes out/bench/methods_NAME.png: samples and
-the three models (Lego's parameters, all ranks of x and y) for three pairs of a light and a view, and
-below each its error, four times brighter.
+`python -m benchmarks.pictures [FOLDER] [--only NAME]` writes out/bench/methods_NAME.png: samples
+and the three models (Lego's parameters, all ranks of x and y) for three pairs of a light and a
+view, and below each its error, four times brighter.
 """
 
 from __future__ import annotations
