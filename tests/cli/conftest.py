@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import sys
 from pathlib import Path
 
@@ -23,6 +24,14 @@ from addon.models.fit import compress  # noqa: E402
 
 SHAPE = (6, 7, 8, 10, 3)
 RANKS = {"light": 5, "view": 3, "y": 4, "x": 5}
+
+
+@pytest.fixture(autouse=True)
+def interruptible():
+    """Ctrl-C as on a terminal, also where the tests run in the background and ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="session")
