@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -69,6 +69,21 @@ def kmeans(points: NDArray[Any], clusters: int, seed: int = 0) -> NDArray[np.int
 
 def _squared_distances(points: NDArray[Any], centres: NDArray[Any]) -> NDArray[Any]:
     return np.square(points[:, None] - centres[None]).sum(2)
+
+
+def in_batches(count: int, overlap: Callable[[int, int], bool]) -> list[int]:
+    """Clusters in the order of their updates: those that share no element together, first fit.
+
+    The compiled fit updates such at the same time (MK-CTA, Section 3.6).
+    """
+    batches: list[list[int]] = []
+    for c in range(count):
+        found = next((b for b in batches if not any(overlap(c, d) for d in b)), None)
+        if found is None:
+            batches.append([c])
+        else:
+            found.append(c)
+    return [c for batch in batches for c in batch]
 
 
 def split_empty(members: list[NDArray[np.intp]], errors: NDArray[Any]) -> Iterator[tuple[int, int]]:

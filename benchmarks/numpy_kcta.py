@@ -21,6 +21,7 @@ from . import _machine
 from ._materials import wool
 from ._tensors import (
     Array,
+    in_batches,
     inverse_factor,
     kmeans,
     leading_basis,
@@ -104,6 +105,12 @@ class Fit:
         for cluster, items_of_it in zip(self.clusters, members, strict=True):
             cluster.members = items_of_it
 
+    def update_all(self) -> None:
+        """The update stage, cluster by cluster."""
+        mixed = self.mixing.any(2)
+        for c in in_batches(len(self.clusters), lambda a, b: bool(mixed[:, [a, b]].all(1).any())):
+            self.update(c)
+
     def update(self, c: int, sweeps: int = 1) -> None:
         """The update stage for one cluster: decompose what the others leave over (Eqs. 20 to 22).
 
@@ -168,8 +175,7 @@ def fit(
     for _ in range(iterations):
         last = [replace(cluster) for cluster in state.clusters], state.mixing.copy()
         state.search(mixtures)
-        for c in range(clusters):
-            state.update(c)
+        state.update_all()
         error = state.project()
         if error > errors[-1]:  # Section 5.3: the last result again
             state.clusters, state.mixing = last

@@ -18,6 +18,8 @@ from .steps import Progress
 
 SPARE = (1.0, 0.5, 2.5)
 """How much rounding a truncation may be chosen to need, over the usual one."""
+NEAR_DB = 0.1
+"""A model this much above the target has reached it; one farther above is larger than need be."""
 ROOM = 1600
 """Bytes of a file that are left for what it says of the search."""
 
@@ -73,6 +75,10 @@ class Quality:
         landed = log(size * size_at(min(max(spare, SHARE), MOST)))
         return landed - slope * min(10.0 * log10(max(1.0 + spare, _FLOOR)), 0.0)
 
+    def order(self, size: int, reached_db: float) -> tuple[float, float]:
+        """The lower the better: whether it is farther above the target than NEAR_DB, the bytes."""
+        return float(reached_db > self.snr_db + NEAR_DB), size
+
     def land(
         self,
         model: ClusteredTucker,
@@ -117,6 +123,10 @@ class Size:
         spare = min(max(self.spare(squared_error, size), SHARE), MOST)
         excess = max(log(size * size_at(spare) / self._room), 0.0)
         return excess / slope - decibels(squared_error * (1.0 + spare), self.squared_norm)
+
+    def order(self, _size: int, reached_db: float) -> tuple[float, float]:
+        """The lower the better: any size that fits in is near enough, then the quality."""
+        return 0.0, -reached_db
 
     def land(
         self,

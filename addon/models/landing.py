@@ -62,6 +62,8 @@ def land_on_quality(
     """
     wanted = min(10.0 ** ((fit_db - target_db - _NEAR_DB / 2.0) / 10.0) - 1.0, MOST)
     share, best = wanted, None
+    low, high = SHARE, _FARTHEST  # low reaches the target, high may not
+    last: tuple[float, float] | None = None
     steps = Steps(progress)
     for number in range(_TRIES):
         share = min(max(share, SHARE), _FARTHEST)
@@ -77,7 +79,14 @@ def land_on_quality(
         if reached < target_db and share == SHARE:
             break
         # Where most numbers are smaller than a step, rounding adds less than round_model expects.
-        share *= min(max(wanted / max(added, _TINY), 0.25), 4.0)
+        growth = 1.0
+        if last is not None and share != last[0] and added > last[1] > 0.0:
+            growth = min(max(log(added / last[1]) / log(share / last[0]), 0.25), 4.0)
+        last = share, added
+        low, high = (share, high) if reached >= target_db else (low, share)
+        share *= min(max(wanted / max(added, _TINY), 0.1), 10.0) ** (1.0 / growth)
+        if number > 0 and not low < share < high:
+            share = (low * high) ** 0.5
     return best
 
 
