@@ -45,9 +45,7 @@ _MIDDLE = {"light": 20, "view": 28, "y": 32, "x": 32}  # ranks of N-SVD at mediu
 _LARGEST = {"light": 40, "view": 72, "y": 24, "x": 24}  # ranks of the grid
 _CLUSTERS = range(6, 23, 2)
 _MIXTURES = (2, 3)
-_REGAINED = Regained(
-    0.3, 0.5
-)  # more of a truncation's loss than a fit at smaller ranks ever regains
+_REGAINED = Regained(0.3, 0.5)  # more of a truncation's loss than any smaller fit regains
 _MORE_NUMBERS = 1.35
 
 
@@ -164,8 +162,10 @@ def _truncated(
     """The truncations of one fit that may reach a target when they are fitted."""
     found = truncations(model, model.fit["errors"][-1] * _energy(dataset))
     allowed = _energy(dataset) * 10.0 ** (-target / 10.0)
-    for ranks in found.smallest(allowed, _REGAINED, found.numbers.size):
-        if all(rank % 4 == 0 for rank in ranks.values()):
+    steps = [[rank for rank in choices if rank % 4 == 0] for choices in found.ranks.values()]
+    for chosen in itertools.product(*steps):
+        ranks = {mode: int(rank) for mode, rank in zip(found.ranks, chosen, strict=True)}
+        if found.error_at(ranks, _REGAINED) <= allowed:
             yield found.numbers_at(ranks), {"ranks": ranks, **clustering}
 
 
