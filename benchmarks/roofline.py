@@ -12,6 +12,7 @@ texels (a whole UBO2014 material, 400x400, is 21 GB).
 
 from __future__ import annotations
 
+import re
 import tempfile
 import time
 
@@ -66,7 +67,7 @@ def _report(
     rows: dict[str, list[float]] = {}
     for message, seconds in stages:
         parts = counts.stage(message, mixtures=message.split(":")[0] not in single)
-        row = rows.setdefault(message.rstrip("0123456789 "), [0.0] * 4)
+        row = rows.setdefault(re.sub(r" \d+", "", message), [0.0] * 4)
         least = sum(part.seconds(products, moved) for part in parts)
         found = [sum(p.operations for p in parts), sum(p.bytes for p in parts), seconds, least]
         for i, value in enumerate(found):

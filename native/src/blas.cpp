@@ -5,6 +5,7 @@
 #include <string>
 
 #include "nacre/errors.hpp"
+#include "kernels.hpp"
 #include "thin_product.hpp"
 
 // The scipy-openblas32 build prefixes every symbol, so that it can live beside another BLAS.
@@ -64,10 +65,16 @@ int stride(Index value) { return std::max(narrow(value), 1); }
 void gemm(Op op_a, Op op_b, Index m, Index n, Index k, float alpha, const float* a, Index lda,
           const float* b, Index ldb, float beta, float* c, Index ldc) {
     if (m == 0 || n == 0) return;
-    if (op_b == Op::kNone && is_thin(m, n)) {
-        const bool plain = op_a == Op::kNone;
-        thin_product(m, n, k, alpha, a, plain ? lda : 1, plain ? 1 : lda, b, ldb, beta, c, ldc);
-        return;
+    if (op_b == Op::kNone && (beta == 0 || beta == 1)) {
+        const Index row = op_a == Op::kNone ? lda : 1, column = op_a == Op::kNone ? 1 : lda;
+        if (is_thin(m, n)) {
+            thin_product(m, n, k, alpha, a, row, column, b, ldb, beta == 1, c, ldc);
+            return;
+        }
+        if (const Kernels* own = kernels(); own && alpha == 1 && k > 0) {
+            own->product(m, n, k, a, row, column, b, ldb, beta == 1, c, ldc);
+            return;
+        }
     }
     scipy_cblas_sgemm(kRowMajor, blas_op(op_a), blas_op(op_b), narrow(m), narrow(n), narrow(k),
                       alpha, a, stride(lda), b, stride(ldb), beta, c, stride(ldc));

@@ -1,6 +1,7 @@
 #include "clustering_stage.hpp"
 
 #include <algorithm>
+#include <functional>
 
 #include "nacre/blas.hpp"
 #include "nacre/gram.hpp"
@@ -10,8 +11,8 @@ namespace nacre {
 
 namespace {
 
-constexpr Index kSpreadFloats = 3 << 16;  // of the cores of all clusters in one tile: second cache
-constexpr Index kMaxColumns = 4096;       // what a sum in single precision may run over
+constexpr Index kSpreadFloats = 1 << 21;  // of the cores of all clusters in one tile: last cache
+constexpr Index kMaxColumns = 4096;       // of one tile
 
 Index divide_up(Index a, Index b) { return (a + b - 1) / b; }
 
@@ -150,8 +151,8 @@ class Stacks {
                 spread[at(r * core_rows + row)] = weights[o];
             }
         }
-        thin_product(rank, count, core_rows, 1.0f, spread.data(), core_rows, 1, core, columns, 0.0f,
-                     to, count);
+        thin_product(rank, count, core_rows, 1.0f, spread.data(), core_rows, 1, core, columns,
+                     false, to, count);
     }
 
     const ClusterState& state_;
@@ -164,25 +165,19 @@ class Stacks {
 
 MatrixD spread_gram(Executor& executor, const ClusterState& state) {
     const Index width = state.count() * state.core_rows(), columns = state.columns();
-    const Index tile = std::min(kMaxColumns, columns), tiles = divide_up(columns, tile);
-    // Blocks of rows, so that threads write apart from each other; sums over columns in double.
-    const Index block = std::min<Index>(width, 256), blocks = divide_up(width, block);
-    MatrixD result(width, width);
+    // Blocks of rows, so that threads write apart from each other.
+    const Index block = std::min<Index>(width, 128), blocks = divide_up(width, block);
+    MatrixD result = MatrixD::Zero(width, width);
     executor.parallel_for(blocks * blocks, [&](Index task, int) {
         const Index i = task / blocks * block, j = task % blocks * block;
         if (j < i) return;
         const Index rows = std::min(block, width - i), others = std::min(block, width - j);
-        MatrixF piece(rows, others);
-        MatrixD sum = MatrixD::Zero(rows, others);
-        for (Index t = 0; t < tiles; ++t) {
-            const Index first = t * tile, count = std::min(tile, columns - first);
-            gemm(Op::kNone, Op::kTranspose, rows, others, count, 1.0f,
-                 state.spread(0) + i * columns + first, columns,
-                 state.spread(0) + j * columns + first, columns, 0.0f, piece.data(), others);
-            sum += piece.cast<double>();
+        add_inner_products(rows, others, columns, state.spread(0) + i * columns, columns,
+                           state.spread(0) + j * columns, columns, result.data() + i * width + j,
+                           width);
+        if (j > i) {
+            result.block(j, i, others, rows) = result.block(i, j, rows, others).transpose();
         }
-        result.block(i, j, rows, others) = sum;
-        if (j > i) result.block(j, i, others, rows) = sum.transpose();
     });
     return result;
 }
@@ -272,7 +267,7 @@ MatrixD subset_projections(Executor& executor, const ClusterState& state, Index 
     std::vector<MatrixD> partial(at(slabs));
     executor.parallel_for(slabs, [&](Index slab, int) {
         MatrixD sum = MatrixD::Zero(rows, own.count * state.owners(k) * own.rank);
-        MatrixF piece(rows, width);
+        MatrixD piece(rows, width);
         Buffer buffer;
         Stacks::Slice slice;
         std::vector<Index> blocks;
@@ -282,12 +277,12 @@ MatrixD subset_projections(Executor& executor, const ClusterState& state, Index 
             stacks.slice(i % stacks.slices(), slice);
             Index stride = 0;
             const float* stack = stacks.rows(slice, first, count, stride, buffer);
-            gemm(Op::kNone, Op::kTranspose, rows, width, count, 1.0f,
-                 tensor.data() + slice.offset * columns + first, slice.step * columns, stack,
-                 stride, 0.0f, piece.data(), width);
+            piece.setZero();
+            add_inner_products(rows, width, count, tensor.data() + slice.offset * columns + first,
+                               slice.step * columns, stack, stride, piece.data(), width);
             stacks.blocks(slice, blocks);
             for (Index row = 0; row < rows; ++row) {
-                const float* from = piece.data() + row * width;
+                const double* from = piece.data() + row * width;
                 double* to = sum.data() + row * sum.cols();
                 for (Index block : blocks) {
                     for (Index r = 0; r < own.rank; ++r) to[block + r] += *from++;
@@ -333,8 +328,10 @@ void residual(Executor& executor, const ClusterState& state, const Tensor& tenso
                 const std::vector<Index>& members = state.members(c, k);
                 const MatrixF& basis = state.bases[at(c)][at(k)];
                 for (std::size_t i = 0; i < members.size(); ++i) {
-                    std::copy_n(basis.data() + static_cast<Index>(i) * own.rank, own.rank,
-                                mixing.data() + members[i] * width + column);
+                    std::transform(basis.data() + static_cast<Index>(i) * own.rank,
+                                   basis.data() + static_cast<Index>(i + 1) * own.rank,
+                                   mixing.data() + members[i] * width + column,
+                                   std::negate<float>());
                 }
             }
         }
@@ -343,7 +340,7 @@ void residual(Executor& executor, const ClusterState& state, const Tensor& tenso
         float* to = residual.data() + slice.offset * columns + first;
         for (Index row = 0; row < rows; ++row)
             std::copy_n(from + row * step, count, to + row * step);
-        gemm(Op::kNone, Op::kNone, rows, count, width, -1.0f, mixing.data(), width, stack, stride,
+        gemm(Op::kNone, Op::kNone, rows, count, width, 1.0f, mixing.data(), width, stack, stride,
              1.0f, to, step);
     });
     tensor.drop();

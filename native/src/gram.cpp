@@ -86,6 +86,23 @@ void symmetrise(MatrixD& upper) {
     }
 }
 
+void add_inner_products(Index m, Index n, Index columns, const float* x, Index ldx, const float* y,
+                        Index ldy, double* sum, Index lds) {
+    if (const Kernels* own = kernels()) {
+        own->inner(m, n, columns, x, ldx, y, ldy, sum, lds);
+        return;
+    }
+    MatrixF piece(m, n);
+    for (Index first = 0; first < columns; first += kFloatColumns) {
+        const Index count = std::min(kFloatColumns, columns - first);
+        gemm(Op::kNone, Op::kTranspose, m, n, count, 1.0f, x + first, ldx, y + first, ldy, 0.0f,
+             piece.data(), n);
+        for (Index i = 0; i < m; ++i) {
+            for (Index j = 0; j < n; ++j) sum[i * lds + j] += piece(i, j);
+        }
+    }
+}
+
 Index slab_count(Index tasks) { return std::clamp<Index>(tasks, 1, kMaxSlabs); }
 
 MatrixD gram(Executor& executor, const Tensor& tensor, Index mode) {

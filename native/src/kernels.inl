@@ -123,9 +123,10 @@ void product(Int m, Int n, Int depth, const float* a, Int a_row, Int a_column, c
     }
 }
 
-// sum[i][j] += the inner products of kRows and kColumns rows of x.
+// sum[i][j] += the inner products of kRows rows of x and kColumns rows of y.
 template <int kRows, int kColumns>
-inline void gram_tile(Int columns, const float* x, const float* y, Int ldx, double* sum, Int lds) {
+inline void inner_tile(Int columns, const float* x, Int ldx, const float* y, Int ldy, double* sum,
+                       Int lds) {
     Vector::Type partial[kRows][kColumns];
 #pragma GCC unroll 8
     for (int i = 0; i < kRows; ++i) {
@@ -138,7 +139,7 @@ inline void gram_tile(Int columns, const float* x, const float* y, Int ldx, doub
         for (int i = 0; i < kRows; ++i) left[i] = load(x + i * ldx);
 #pragma GCC unroll 8
         for (int j = 0; j < kColumns; ++j) {
-            const Vector::Type right = load(y + j * ldx);
+            const Vector::Type right = load(y + j * ldy);
 #pragma GCC unroll 8
             for (int i = 0; i < kRows; ++i) {
                 partial[i][j] = Vector::multiply_add(left[i], right, partial[i][j]);
@@ -169,55 +170,153 @@ inline void gram_tile(Int columns, const float* x, const float* y, Int ldx, doub
     }
 }
 
-using GramTile = void (*)(Int columns, const float* x, const float* y, Int ldx, double* sum,
-                          Int lds);
+using InnerTile = void (*)(Int columns, const float* x, Int ldx, const float* y, Int ldy,
+                           double* sum, Int lds);
 
 template <int kRows, int kColumns>
-void gram_tile_of(Int columns, const float* x, const float* y, Int ldx, double* sum, Int lds) {
-    gram_tile<kRows, kColumns>(columns, x, y, ldx, sum, lds);
+void inner_tile_of(Int columns, const float* x, Int ldx, const float* y, Int ldy, double* sum,
+                   Int lds) {
+    inner_tile<kRows, kColumns>(columns, x, ldx, y, ldy, sum, lds);
 }
 
 template <int kRows>
-GramTile gram_tile_for(Int columns) {
-    static constexpr GramTile kTiles[] = {gram_tile_of<kRows, 1>, gram_tile_of<kRows, 2>,
-                                          gram_tile_of<kRows, 3>, gram_tile_of<kRows, 4>};
+InnerTile inner_tile_for(Int columns) {
+    static constexpr InnerTile kTiles[] = {inner_tile_of<kRows, 1>, inner_tile_of<kRows, 2>,
+                                           inner_tile_of<kRows, 3>, inner_tile_of<kRows, 4>};
     return kTiles[columns - 1];
 }
 
-GramTile gram_tile_for(Int rows, Int columns) {
-#if NACRE_GRAM_ROWS > 3
-    if (rows == 6) return gram_tile_for<6>(columns);
-    if (rows == 5) return gram_tile_for<5>(columns);
-    if (rows == 4) return gram_tile_for<4>(columns);
+InnerTile inner_tile_for(Int rows, Int columns) {
+#if NACRE_INNER_ROWS > 3
+    if (rows == 6) return inner_tile_for<6>(columns);
+    if (rows == 5) return inner_tile_for<5>(columns);
+    if (rows == 4) return inner_tile_for<4>(columns);
 #endif
-    if (rows == 3) return gram_tile_for<3>(columns);
-    return rows == 2 ? gram_tile_for<2>(columns) : gram_tile_for<1>(columns);
+    if (rows == 3) return inner_tile_for<3>(columns);
+    return rows == 2 ? inner_tile_for<2>(columns) : inner_tile_for<1>(columns);
 }
 
 constexpr Int kTileColumns = 4;
+constexpr Int kPanel = 12;  // rows of y that stay in the first cache
+
+// Parts of about equal depth, at most that deep, whole vectors: a short one would not be worth the
+// sums at its end.
+inline Int part_of(Int columns, Int deepest) {
+    const Int parts = (columns + deepest - 1) / deepest;
+    return (columns / kWidth / parts + 1) * kWidth;
+}
 
 void gram(Int rows, Int columns, const float* x, Int ldx, double* sum) {
-    constexpr Int kDepth = 768, kPanel = 12;  // rows that stay in the first cache
-    // Parts of about equal depth, whole vectors: a short one would not be worth the sums at its
-    // end.
-    const Int parts = (columns + kDepth - 1) / kDepth;
-    const Int step = (columns / kWidth / parts + 1) * kWidth;
+    const Int step = part_of(columns, 768);
     for (Int k = 0; k < columns; k += step) {
         const Int depth = least(step, columns - k);
         const float* part = x + k;
         for (Int panel = 0; panel < rows; panel += kPanel) {
             const Int panel_end = least(panel + kPanel, rows);
-            for (Int i = 0; i < panel_end; i += NACRE_GRAM_ROWS) {
-                const Int height = least(NACRE_GRAM_ROWS, rows - i);
+            for (Int i = 0; i < panel_end; i += NACRE_INNER_ROWS) {
+                const Int height = least(NACRE_INNER_ROWS, rows - i);
                 for (Int j = panel; j < panel_end; j += kTileColumns) {
                     const Int width = least(kTileColumns, panel_end - j);
                     if (j + width <= i) continue;  // below the diagonal
-                    gram_tile_for(height, width)(depth, part + i * ldx, part + j * ldx, ldx,
-                                                 sum + i * rows + j, rows);
+                    inner_tile_for(height, width)(depth, part + i * ldx, ldx, part + j * ldx, ldx,
+                                                  sum + i * rows + j, rows);
                 }
             }
         }
     }
+}
+
+void inner(Int m, Int n, Int columns, const float* x, Int ldx, const float* y, Int ldy, double* sum,
+           Int lds) {
+    const Int step = part_of(columns, 512);
+    for (Int k = 0; k < columns; k += step) {
+        const Int depth = least(step, columns - k);
+        for (Int panel = 0; panel < n; panel += kPanel) {
+            const Int panel_end = least(panel + kPanel, n);
+            for (Int i = 0; i < m; i += NACRE_INNER_ROWS) {
+                const Int height = least(NACRE_INNER_ROWS, m - i);
+                for (Int j = panel; j < panel_end; j += kTileColumns) {
+                    const Int width = least(kTileColumns, panel_end - j);
+                    inner_tile_for(height, width)(depth, x + i * ldx + k, ldx, y + j * ldy + k, ldy,
+                                                  sum + i * lds + j, lds);
+                }
+            }
+        }
+    }
+}
+
+// kRows rows of c, (up to) kVectors vectors wide.
+template <int kRows, int kVectors, bool kMasked>
+inline void rows_tile(Int depth, Int first, const float* weights, const float* const* b, bool add,
+                      float* const* c, Int tail) {
+    const Vector::Mask mask = Vector::first(tail);
+    Vector::Type sum[kRows][kVectors];
+#pragma GCC unroll 4
+    for (int i = 0; i < kRows; ++i) {
+#pragma GCC unroll 4
+        for (int v = 0; v < kVectors; ++v) {
+            const float* from = c[i] + first + v * kWidth;
+            const bool part = kMasked && v + 1 == kVectors;
+            sum[i][v] = !add   ? Vector::zero()
+                        : part ? Vector::load(from, mask)
+                               : Vector::load(from);
+        }
+    }
+    for (Int k = 0; k < depth; ++k) {
+        const float* row = b[k] + first;
+        // The next tile of this row: so many are read side by side that no processor foresees it.
+#pragma GCC unroll 4
+        for (int v = 0; v < kVectors * kWidth; v += 16) {
+            __builtin_prefetch(row + kVectors * kWidth + v);
+        }
+        Vector::Type right[kVectors];
+#pragma GCC unroll 4
+        for (int v = 0; v < kVectors; ++v) {
+            const float* from = row + v * kWidth;
+            right[v] = kMasked && v + 1 == kVectors ? Vector::load(from, mask) : Vector::load(from);
+        }
+#pragma GCC unroll 4
+        for (int i = 0; i < kRows; ++i) {
+            const Vector::Type left = Vector::broadcast(weights[k * kRows + i]);
+#pragma GCC unroll 4
+            for (int v = 0; v < kVectors; ++v) {
+                sum[i][v] = Vector::multiply_add(left, right[v], sum[i][v]);
+            }
+        }
+    }
+#pragma GCC unroll 4
+    for (int i = 0; i < kRows; ++i) {
+#pragma GCC unroll 4
+        for (int v = 0; v < kVectors; ++v) {
+            float* to = c[i] + first + v * kWidth;
+            if (kMasked && v + 1 == kVectors) {
+                Vector::store(to, sum[i][v], mask);
+            } else {
+                Vector::store(to, sum[i][v]);
+            }
+        }
+    }
+}
+
+template <int kRows>
+void rows_of(Int n, Int depth, const float* weights, const float* const* b, bool add,
+             float* const* c) {
+    constexpr Int kWide = NACRE_ROWS_VECTORS * kWidth;
+    Int first = 0;
+    for (; first + kWide <= n; first += kWide) {
+        rows_tile<kRows, NACRE_ROWS_VECTORS, false>(depth, first, weights, b, add, c, kWidth);
+    }
+    for (; first < n; first += kWidth) {
+        rows_tile<kRows, 1, true>(depth, first, weights, b, add, c, least(kWidth, n - first));
+    }
+}
+
+void rows(Int m, Int n, Int depth, const float* weights, const float* const* b, bool add,
+          float* const* c) {
+    if (m == 4) return rows_of<4>(n, depth, weights, b, add, c);
+    if (m == 3) return rows_of<3>(n, depth, weights, b, add, c);
+    if (m == 2) return rows_of<2>(n, depth, weights, b, add, c);
+    rows_of<1>(n, depth, weights, b, add, c);
 }
 
 }  // namespace

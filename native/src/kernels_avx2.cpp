@@ -38,9 +38,10 @@ struct Vector {
 
 // What fits in 16 registers.
 #define NACRE_PRODUCT_ROWS 6
-#define NACRE_GRAM_ROWS 3
+#define NACRE_INNER_ROWS 3
+#define NACRE_ROWS_VECTORS 2
 #include "kernels.inl"
 
-const nacre::Kernels nacre::kKernelsAvx2{product, gram};
+const nacre::Kernels nacre::kKernelsAvx2{product, gram, inner, rows};
 
 #endif

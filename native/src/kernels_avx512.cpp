@@ -36,9 +36,10 @@ struct Vector {
 
 // What fits in 32 registers.
 #define NACRE_PRODUCT_ROWS 14
-#define NACRE_GRAM_ROWS 6
+#define NACRE_INNER_ROWS 6
+#define NACRE_ROWS_VECTORS 4
 #include "kernels.inl"
 
-const nacre::Kernels nacre::kKernelsAvx512{product, gram};
+const nacre::Kernels nacre::kKernelsAvx512{product, gram, inner, rows};
 
 #endif

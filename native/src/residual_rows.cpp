@@ -84,7 +84,7 @@ void contract(Executor& executor, const Rows& rows, const Part& part, const Tens
             const Index row = (slice / inner * rank + r) * inner + slice % inner;
             to.push_back(result.data() + row * columns);
         }
-        thin_product(rank, columns, basis.rows(), weights.data(), from.data(), 1.0f, to.data());
+        thin_product(rank, columns, basis.rows(), weights.data(), from.data(), true, to.data());
     });
 }
 
@@ -112,7 +112,7 @@ void exchange(Executor& executor, const Rows& rows, const Part& out, const Part&
             }
         }
         const auto to = rows.along(residual.data(), last, slice);
-        thin_product(u.rows(), columns, 2 * rank, weights.data(), from.data(), 1.0f, to.data());
+        thin_product(u.rows(), columns, 2 * rank, weights.data(), from.data(), true, to.data());
     });
 }
 

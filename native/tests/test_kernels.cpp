@@ -38,6 +38,17 @@ void check_gram(const Kernels& own, Index rows, Index columns) {
     }
 }
 
+void check_inner(const Kernels& own, Index m, Index n, Index columns) {
+    const MatrixF x = random_matrix(m, columns + 7, 5), y = random_matrix(n, columns + 2, 6);
+    const MatrixD expected =
+        x.leftCols(columns).cast<double>() * y.leftCols(columns).cast<double>().transpose();
+    MatrixD sum = MatrixD::Constant(m, n + 1, 2);
+    own.inner(m, n, columns, x.data(), columns + 7, y.data(), columns + 2, sum.data(), n + 1);
+    const MatrixD found = (sum.leftCols(n).array() - 2).matrix();
+    CHECK((found - expected).cwiseAbs().maxCoeff() < 1e-6 * static_cast<double>(columns));
+    CHECK(sum.col(n) == MatrixD::Constant(m, 1, 2));
+}
+
 }  // namespace
 
 int main() {
@@ -55,6 +66,11 @@ int main() {
         }
         for (Index rows : {1, 2, 3, 4, 5, 6, 7, 12, 13, 29, 81}) {
             for (Index columns : {1, 7, 16, 20, 511, 512, 530}) check_gram(*own, rows, columns);
+        }
+        for (Index m : {1, 3, 6, 7, 20, 81}) {
+            for (Index n : {1, 2, 4, 11, 12, 13, 64}) {
+                for (Index columns : {1, 16, 500, 1040}) check_inner(*own, m, n, columns);
+            }
         }
     }
     CHECK(levels.empty() ? kernels() == nullptr : kernels() == levels.back());

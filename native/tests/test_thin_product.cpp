@@ -15,7 +15,7 @@ void check_product(Index m, Index n, Index k, float alpha, float beta, bool tran
     const Index row = transposed ? 1 : lda, column = transposed ? lda : 1;
     MatrixF c = before, by_gemm = before;
     if (beta == 0) c.leftCols(n).setConstant(NAN);  // what is there does not count
-    thin_product(m, n, k, alpha, a.data(), row, column, b.data(), ldb, beta, c.data(), ldc);
+    thin_product(m, n, k, alpha, a.data(), row, column, b.data(), ldb, beta == 1, c.data(), ldc);
     gemm(transposed ? Op::kTranspose : Op::kNone, Op::kNone, m, n, k, alpha, a.data(), lda,
          b.data(), ldb, beta, by_gemm.data(), ldc);
     for (Index i = 0; i < m; ++i) {
@@ -41,11 +41,11 @@ int main() {
             for (Index k : {1, 5, 40}) {
                 check_product(m, n, k, 1, 0, false);
                 check_product(m, n, k, -1, 1, false);
-                check_product(m, n, k, 0.5f, 2, true);
+                check_product(m, n, k, 0.5f, 1, true);
             }
         }
     }
-    check_product(3, 40, 0, 1, 2, false);  // nothing to add
+    check_product(3, 40, 0, 1, 1, false);  // nothing to add
     CHECK(is_thin(8, 32) && !is_thin(9, 32) && !is_thin(8, 31));
     std::puts("ok");
 }

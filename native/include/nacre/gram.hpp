@@ -35,6 +35,11 @@ void symmetrise(MatrixD& upper);
 // The Gram matrix of the mode-n unfolding, both triangles.
 MatrixD gram(Executor& executor, const Tensor& tensor, Index mode);
 
+// sum (m x n, row stride lds) += x y^T, where x is m x columns and y is n x columns with these row
+// strides; in float over a few hundred columns each, these in double.
+void add_inner_products(Index m, Index n, Index columns, const float* x, Index ldx, const float* y,
+                        Index ldy, double* sum, Index lds);
+
 // How many slabs a sum of `tasks` pieces is cut into: fixed, so that the order of additions is.
 Index slab_count(Index tasks);
 
