@@ -11,6 +11,8 @@ namespace nacre {
 
 namespace {
 
+constexpr Index kColumns = 512;  // of a slice, at a time
+
 // One cluster: core (ranks..., columns) and the bases of its clustered modes.
 struct Part {
     Tensor& core;
@@ -60,59 +62,104 @@ class Rows {
     std::vector<Index> offsets_;
 };
 
-// The core expanded by these matrices over the clustered modes; null leaves a mode alone.
-void expand(Executor& executor, const Tensor& core, Bases bases, Tensor& result, Tensor& scratch) {
-    bases.resize(core.shape().size(), nullptr);
-    multi_mode_product(executor, core, bases, Op::kNone, result, scratch);
+// The weights of the core's rows in one row of its expansion: the Kronecker product of `row`, which
+// slice number `slice` of mode `skip` has in the bases of the other clustered modes, with `own` in
+// the place of that mode.
+void core_weights(const Rows& rows, const Part& part, Index skip, Index slice, const float* own,
+                  float* weights) {
+    const Index modes = static_cast<Index>(part.bases.size());
+    std::vector<Index> position(at(modes), 0);
+    for (Index q = modes; q-- > 0;) {
+        if (q == skip) continue;
+        position[at(q)] = slice % rows.shape()[at(q)];
+        slice /= rows.shape()[at(q)];
+    }
+    Index size = 1;
+    weights[0] = 1;
+    for (Index q = 0; q < modes; ++q) {
+        const MatrixF& u = part.bases[at(q)];
+        const float* factors = q == skip ? own : u.data() + position[at(q)] * u.cols();
+        for (Index i = size; i-- > 0;) {
+            const float w = weights[i];
+            for (Index r = u.cols(); r-- > 0;) weights[i * u.cols() + r] = w * factors[r];
+        }
+        size *= u.cols();
+    }
 }
 
-// result = (residual + what the cluster adds) x_mode U^T over its members.
-void contract(Executor& executor, const Rows& rows, const Part& part, const Tensor& residual,
-              Index mode, const MatrixF& basis, Tensor& result, Tensor& scratch) {
+std::vector<const float*> core_rows(const Part& part, Index first) {
     const Index columns = part.core.dim(part.core.order() - 1);
+    std::vector<const float*> list;
+    for (Index i = 0; i < part.core.size(); i += columns) {
+        list.push_back(part.core.data() + i + first);
+    }
+    return list;
+}
+
+// result = (residual + what the cluster adds) x_mode U^T over its members. That is not formed: the
+// core's rows are more rows to sum over.
+void contract(Executor& executor, const Rows& rows, const Part& part, const Tensor& residual,
+              Index mode, const MatrixF& basis, Tensor& result) {
+    const Index columns = part.core.dim(part.core.order() - 1);
+    const Index members = basis.rows(), rank = basis.cols();
+    Shape shape = rows.shape();
+    shape[at(mode)] = rank;
+    shape.push_back(columns);
+    result.reset(shape);
     const MatrixF change = basis.transpose() * part.bases[at(mode)];
-    Bases bases;
-    for (const MatrixF& u : part.bases) bases.push_back(&u);
-    bases[at(mode)] = &change;
-    expand(executor, part.core, std::move(bases), result, scratch);
-    const MatrixF weights = basis.transpose();
-    const Index inner = unfolding(rows.shape(), mode).inner, rank = basis.cols();
+    const std::vector<const float*> cores = core_rows(part, 0);
+    const Index depth = members + static_cast<Index>(cores.size());
+    const Index inner = unfolding(rows.shape(), mode).inner;
     executor.parallel_for(rows.slices(mode), [&](Index slice, int) {
-        const auto from = rows.along(residual.data(), mode, slice);
+        std::vector<const float*> from;
+        for (const float* row : rows.along(residual.data(), mode, slice)) from.push_back(row);
+        from.insert(from.end(), cores.begin(), cores.end());
+        std::vector<float> weights(at(rank * depth));
         std::vector<float*> to;
         for (Index r = 0; r < rank; ++r) {
+            float* of_row = weights.data() + r * depth;
+            for (Index i = 0; i < members; ++i) of_row[i] = basis(i, r);
+            core_weights(rows, part, mode, slice, change.data() + r * change.cols(),
+                         of_row + members);
             const Index row = (slice / inner * rank + r) * inner + slice % inner;
             to.push_back(result.data() + row * columns);
         }
-        thin_product(rank, columns, basis.rows(), weights.data(), from.data(), true, to.data());
+        thin_product(rank, columns, depth, weights.data(), from.data(), false, to.data());
     });
 }
 
 // residual += one part - another.
 void exchange(Executor& executor, const Rows& rows, const Part& out, const Part& in,
-              Tensor& residual, ResidualScratch& scratch) {
+              Tensor& residual) {
     const Index last = static_cast<Index>(out.bases.size()) - 1;
     const Index columns = out.core.dim(out.core.order() - 1);
-    const auto expand_all_but_last = [&](const Part& part, Tensor& result) {
-        Bases bases;
-        for (Index k = 0; k < last; ++k) bases.push_back(&part.bases[at(k)]);
-        expand(executor, part.core, std::move(bases), result, scratch.other);
-    };
-    expand_all_but_last(out, scratch.before);
-    expand_all_but_last(in, scratch.after);
     const MatrixF &u = out.bases[at(last)], &v = in.bases[at(last)];
-    const Index rank = u.cols();
+    const Index rank = u.cols(), count = static_cast<Index>(core_rows(out, 0).size());
     MatrixF weights(u.rows(), 2 * rank);
     weights << u, -v;
-    executor.parallel_for(rows.slices(last), [&](Index slice, int) {
-        std::vector<const float*> from;
-        for (const Tensor* part : {&scratch.before, &scratch.after}) {
+    const MatrixF identity = MatrixF::Identity(rank, rank);
+    const Index slices = rows.slices(last), parts = (columns + kColumns - 1) / kColumns;
+    executor.parallel_for(parts * slices, [&](Index task, int) {
+        const Index slice = task % slices, first = task / slices * kColumns;
+        const Index width = std::min(kColumns, columns - first);
+        // This slice of both, expanded over all modes but the last: in the first cache.
+        thread_local Buffer expanded;
+        expanded.reserve(2 * rank * width);
+        std::vector<float> mixing(at(rank * count));
+        std::vector<float*> to;
+        for (Index r = 0; r < 2 * rank; ++r) to.push_back(expanded.data() + r * width);
+        for (const Part* part : {&out, &in}) {
             for (Index r = 0; r < rank; ++r) {
-                from.push_back(part->data() + (slice * rank + r) * columns);
+                core_weights(rows, *part, last, slice, identity.data() + r * rank,
+                             mixing.data() + r * count);
             }
+            thin_product(rank, width, count, mixing.data(), core_rows(*part, first).data(), false,
+                         to.data() + (part == &out ? 0 : rank));
         }
-        const auto to = rows.along(residual.data(), last, slice);
-        thin_product(u.rows(), columns, 2 * rank, weights.data(), from.data(), true, to.data());
+        const std::vector<const float*> from(to.begin(), to.end());
+        std::vector<float*> changed;
+        for (float* row : rows.along(residual.data(), last, slice)) changed.push_back(row + first);
+        thin_product(u.rows(), width, 2 * rank, weights.data(), from.data(), true, changed.data());
     });
 }
 
@@ -144,7 +191,7 @@ void update_in_place(Executor& executor, ClusterState& state, Index c, Tensor& r
     Tensor& rest = scratch.rest;
     for (Index n = 0; n < modes; ++n) {
         const Index first = n == 0 ? 1 : 0;
-        contract(executor, rows, old, residual, first, now.bases[at(first)], rest, scratch.other);
+        contract(executor, rows, old, residual, first, now.bases[at(first)], rest);
         for (Index q = 0; q < modes; ++q) {
             if (q == n || q == first) continue;
             mode_product(executor, rest, q, now.bases[at(q)], Op::kTranspose, scratch.other);
@@ -155,7 +202,7 @@ void update_in_place(Executor& executor, ClusterState& state, Index c, Tensor& r
     }
     mode_product(executor, rest, modes - 1, now.bases.back(), Op::kTranspose, now.core);
     pad(executor, shape, now.bases, now.core);
-    exchange(executor, rows, old, now, residual, scratch);
+    exchange(executor, rows, old, now, residual);
 
     std::copy_n(now.core.data(), now.core.size(), state.cores[at(c)].data());
     std::copy_n(now.core.data(), now.core.size(), state.spread(c));

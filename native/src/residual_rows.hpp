@@ -12,7 +12,7 @@ bool has_clustered_bases_alone(const ClusterState& state);
 
 // Memory that the clusters one after the other use.
 struct ResidualScratch {
-    Tensor old_core, core, rest, before, after, other;
+    Tensor old_core, core, rest, other;
 };
 
 // One sweep of alternating least squares for cluster c, from its present bases, which need not be
