@@ -83,7 +83,10 @@ void contract(const float* in, const Unfolding& view, const float* basis, Index 
 void mode_product(Executor& executor, const Tensor& in, Index mode, const MatrixF& basis, Op op,
                   Tensor& out) {
     const auto [outer, rows, inner] = unfolding(in.shape(), mode);
-    const Factor factor(basis, op);
+    // Along the last mode our own loops want the basis with the result's columns side by side.
+    const bool turn = inner == 1 && op == Op::kNone && kernels();
+    const MatrixF turned = turn ? MatrixF(basis.transpose()) : MatrixF();
+    const Factor factor = turn ? Factor(turned, Op::kTranspose) : Factor(basis, op);
     Shape shape = in.shape();
     shape[at(mode)] = factor.to;
     out.reset(std::move(shape));
