@@ -4,8 +4,8 @@
 #include <limits>
 #include <string>
 
-#include "nacre/errors.hpp"
 #include "kernels.hpp"
+#include "nacre/errors.hpp"
 #include "thin_product.hpp"
 
 // The scipy-openblas32 build prefixes every symbol, so that it can live beside another BLAS.

@@ -21,6 +21,15 @@ std::vector<const MatrixF*> all_but(const std::vector<MatrixF>& bases, Index ski
     return list;
 }
 
+// The last mode with a rank: mode 0 always has one.
+Index last_mode(const std::vector<Index>& ranks) {
+    Index last = 0;
+    for (std::size_t n = 0; n < ranks.size(); ++n) {
+        if (ranks[n] > 0) last = static_cast<Index>(n);
+    }
+    return last;
+}
+
 }  // namespace
 
 MatrixF orthonormal(const MatrixF& basis) {
@@ -46,48 +55,53 @@ void pad(Executor& executor, const std::vector<Index>& ranks, std::vector<Matrix
     }
 }
 
+// The bases of modes 1, 2, ... from the block projected on the first; leaves in a_ the block
+// projected on all but the last.
+void BlockDecomposition::update_others(Executor& executor, const std::vector<Index>& ranks,
+                                       std::vector<MatrixF>& bases) {
+    const Index last = last_mode(ranks);
+    for (Index n = 1; n <= last; ++n) {
+        if (ranks[at(n)] == 0) continue;
+        const auto others = all_but(bases, 0, n);
+        const bool none = std::none_of(others.begin(), others.end(), [](auto u) { return u; });
+        if (!none) multi_mode_product(executor, lead_, others, Op::kTranspose, a_, b_);
+        if (none && n == last) std::swap(a_, lead_);
+        const Tensor& projected = none && n != last ? lead_ : a_;
+        const Index rank = std::min(ranks[at(n)], projected.dim(n));
+        bases[at(n)] = leading_basis(gram(executor, projected, n), rank);
+    }
+}
+
+void BlockDecomposition::finish(Executor& executor, const std::vector<Index>& ranks,
+                                std::vector<MatrixF>& bases, Tensor& core) {
+    update_others(executor, ranks, bases);
+    const Index last = last_mode(ranks);
+    mode_product(executor, a_, last, bases[at(last)], Op::kTranspose, core);
+}
+
 void BlockDecomposition::run(Executor& executor, const Tensor& block, Index clustered,
                              const std::vector<Index>& ranks, int sweeps,
                              std::vector<MatrixF>& bases, Tensor& core) {
-    const Index order = block.order();
-    std::vector<Index> rank(ranks);
-    Index last = 0;  // the last mode with a basis
-    for (Index n = 0; n < order; ++n) {
-        rank[at(n)] = std::min(ranks[at(n)], block.dim(n));
-        if (rank[at(n)] > 0) last = n;
-    }
-    // The bases of modes 1, 2, ... from the block projected on the first; leaves in a_ the block
-    // projected on all but the last.
-    const auto update_others = [&] {
-        mode_product(executor, block, 0, bases[0], Op::kTranspose, lead_);
-        for (Index n = 1; n < order; ++n) {
-            if (rank[at(n)] == 0) continue;
-            const auto others = all_but(bases, 0, n);
-            const bool none = std::none_of(others.begin(), others.end(), [](auto u) { return u; });
-            if (!none) multi_mode_product(executor, lead_, others, Op::kTranspose, a_, b_);
-            if (none && n == last) std::swap(a_, lead_);
-            const Tensor& projected = none && n != last ? lead_ : a_;
-            bases[at(n)] = leading_basis(gram(executor, projected, n), rank[at(n)]);
-        }
-    };
+    const Index rank = std::min(ranks[0], block.dim(0)), last = last_mode(ranks);
     if (core.size() == 0) {
         for (MatrixF& basis : bases) basis.resize(0, 0);
-        bases[0] = leading_basis(gram(executor, block, 0), rank[0]);
-        update_others();
+        bases[0] = leading_basis(gram(executor, block, 0), rank);
+        mode_product(executor, block, 0, bases[0], Op::kTranspose, lead_);
+        update_others(executor, ranks, bases);
     } else {
         for (Index n = 1; n < clustered; ++n) bases[at(n)] = orthonormal(bases[at(n)]);
     }
     double kept = 0;
     for (int sweep = 0; sweep < sweeps; ++sweep) {
         if (last == 0) {
-            bases[0] = leading_basis(gram(executor, block, 0), rank[0]);
+            bases[0] = leading_basis(gram(executor, block, 0), rank);
             mode_product(executor, block, 0, bases[0], Op::kTranspose, core);
             break;
         }
         multi_mode_product(executor, block, all_but(bases, 0, 0), Op::kTranspose, rest_, b_);
-        bases[0] = leading_basis(gram(executor, rest_, 0), rank[0]);
-        update_others();
-        mode_product(executor, a_, last, bases[at(last)], Op::kTranspose, core);
+        bases[0] = leading_basis(gram(executor, rest_, 0), rank);
+        mode_product(executor, block, 0, bases[0], Op::kTranspose, lead_);
+        finish(executor, ranks, bases, core);
         if (sweep + 1 == sweeps) break;
         const double now = squared_norm(executor, core);
         if (now - kept <= kSweepTolerance * now) break;

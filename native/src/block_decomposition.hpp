@@ -27,7 +27,17 @@ class BlockDecomposition {
              const std::vector<Index>& ranks, int sweeps, std::vector<MatrixF>& bases,
              Tensor& core);
 
+    // The second half of a sweep for whoever knows the first basis: the bases of the other modes
+    // and the core from lead(), the block projected on the first basis, which is lost. One of the
+    // other modes has a rank.
+    Tensor& lead() { return lead_; }
+    void finish(Executor& executor, const std::vector<Index>& ranks, std::vector<MatrixF>& bases,
+                Tensor& core);
+
   private:
+    void update_others(Executor& executor, const std::vector<Index>& ranks,
+                       std::vector<MatrixF>& bases);
+
     Tensor rest_, lead_, a_, b_;
 };
 

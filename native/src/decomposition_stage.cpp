@@ -110,7 +110,7 @@ void add_approximation(Executor& executor, const ClusterState& state, Index c, f
 void DecompositionStage::update(Executor& executor, Cluster& scratch, Tensor& residual, Index c,
                                 int sweeps) {
     const bool first_time = state_.cores[at(c)].size() == 0;
-    if (!first_time && sweeps == 1 && has_clustered_bases_alone(state_)) {
+    if (!first_time && sweeps == 1 && can_update_in_place(state_)) {
         update_in_place(executor, state_, c, residual, scratch.in_place);
         return;
     }
