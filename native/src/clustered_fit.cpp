@@ -101,7 +101,10 @@ void ClusteredFit::start() {
         const std::vector<Index> seeds = kmeans(mode.parameters, mode.clusters, options_.seed);
         state_.groupings[k].assign({seeds.begin(), seeds.end()}, 1);
     }
-    std::copy_n(tensor_.data(), tensor_.size(), residual_.data());
+    executor_.parallel_for(state_.rows(), [&](Index row, int) {
+        std::copy_n(tensor_.data() + row * state_.columns(), state_.columns(),
+                    residual_.data() + row * state_.columns());
+    });
     tensor_.drop();
     decomposition_.run(residual_, kFirstSweeps);
     errors_.push_back(error());
