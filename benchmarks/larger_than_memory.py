@@ -73,6 +73,7 @@ def tiled(source: Dataset, path: Path) -> Dataset | None:
         return None
     description = {
         "nacre": 1,
+        "kind": "btf",
         "axes": ["light", "view", "y", "x", "channel"],
         "light": source.light.tolist(),
         "view": source.view.tolist(),

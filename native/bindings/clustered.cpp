@@ -137,7 +137,7 @@ py::dict fit(const py::array& samples, const std::vector<Index>& ranks, const By
              double tolerance, std::uint64_t seed, int threads, std::size_t memory,
              const std::string& scratch, const std::string& domain, const py::object& start,
              const py::object& checkpoint, const py::object& progress) {
-    const BtfSource source = btf_source(samples, false, domain);
+    const BtfSource source = btf_source(samples, memory > 0, domain);
     const ClusteredOptions options = read_options(ranks, clusters, mixtures, global_modes,
                                                   directions, search, iterations, tolerance, seed);
     ClusteredTucker first;

@@ -108,6 +108,31 @@ std::vector<Index> fitting_order(Index order, const ClusteredOptions& options) {
     return modes;
 }
 
+// Bytes that decomposing one cluster takes besides the tensors of a Workspace: its core's rows with
+// the other modes expanded, four times over, and the members projected on all bases but one.
+std::size_t scratch_bytes(const Shape& shape, const ClusteredOptions& options) {
+    const auto has = [](const std::vector<Index>& modes, Index n) {
+        return std::find(modes.begin(), modes.end(), n) != modes.end();
+    };
+    std::vector<Index> clustered;
+    for (const ClusteredMode& mode : options.clustered) clustered.push_back(mode.mode);
+    Index core_rows = 1, columns = 1, projected = 1;
+    for (Index n = 0; n < static_cast<Index>(shape.size()); ++n) {
+        const Index rank = options.ranks[at(n)];
+        if (has(clustered, n)) {
+            core_rows *= rank;
+        } else {
+            columns *= has(options.global_modes, n) ? rank : shape[at(n)];
+            projected *= rank;
+        }
+    }
+    Index rest = 0;
+    for (Index mode : clustered) {
+        rest = std::max(rest, shape[at(mode)] * core_rows / options.ranks[at(mode)] * projected);
+    }
+    return at(4 * core_rows * columns + 2 * rest) * sizeof(float);
+}
+
 }  // namespace
 
 ClusteredTucker fit_clustered(Executor& executor, const Workspace& workspace,
@@ -152,6 +177,7 @@ ClusteredTucker fit_clustered(Executor& executor, const Workspace& workspace,
     }
 
     const std::vector<Index> modes = fitting_order(order, options);
+    workspace.set_aside(scratch_bytes(shape, options));
     executor.stage(0.3, 0.4, "Projection on the global bases");
     Bases bases(at(order), nullptr);
     for (std::size_t n = 0; n < bases.size(); ++n) {

@@ -1,5 +1,6 @@
 #include "nacre/workspace.hpp"
 
+#include <algorithm>
 #include <filesystem>
 #include <limits>
 #include <mutex>
@@ -40,6 +41,11 @@ Workspace::Workspace(std::size_t bytes, std::string folder)
 std::size_t Workspace::room() const {
     const std::lock_guard lock(room_->mutex);
     return room_->bytes;
+}
+
+void Workspace::set_aside(std::size_t bytes) const {
+    const std::lock_guard lock(room_->mutex);
+    room_->bytes -= std::min(bytes, room_->bytes);
 }
 
 Tensor Workspace::tensor(Shape shape) const {

@@ -69,11 +69,15 @@ int main() {
             CHECK(some.tensor({1'000'000}).mapped());
         }
         CHECK(some.room() == room);
+        some.set_aside(1000);
+        CHECK(some.room() == room - 1000);
         left = some.tensor({1'000'000});
-        CHECK(!left.mapped() && some.room() == room - 4'000'000);
+        CHECK(!left.mapped() && some.room() == room - 4'001'000);
         left.reset({2'000'000});  // in memory that is not counted
-        CHECK(some.room() == room);
+        CHECK(some.room() == room - 1000);
         left = some.tensor({1'000'000});
+        some.set_aside(room);
+        CHECK(some.room() == 0);
     }
     left = Tensor();
 

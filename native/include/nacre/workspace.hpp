@@ -23,6 +23,9 @@ class Workspace {
     // that is not counted. Throws std::runtime_error if the disk has no room.
     Tensor tensor(Shape shape) const;
 
+    // Keeps so many bytes of the room for what is not handed out here.
+    void set_aside(std::size_t bytes) const;
+
     bool bounded() const { return bounded_; }
     std::size_t room() const;  // bytes that tensors in memory may still take
 
