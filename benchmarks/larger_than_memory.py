@@ -14,7 +14,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,6 +30,8 @@ from ._report import bar
 TEXELS = 512
 GIGABYTES = 2
 POLL = 0.01
+KILLS = (1, 4)
+"""After how many saved states each run is killed: with the global bases alone, then iterating."""
 FITS = {
     "K-CTA": "--method kcta --ranks light=20,view=4,y=32,x=32 --clusters view=8 --mixtures view=3",
     "MK-CTA": "--method mkcta --ranks light=4,view=4,y=64,x=64 --clusters light=8,view=12 "
@@ -111,7 +112,7 @@ def compare(dataset: Dataset, method: str, place: Path) -> None:
         f"{1e-6 * whole.stat().st_size:.1f} MB"
     )
     runs = [run]
-    for number, kill in enumerate(_moments(fit["iterations"])):
+    for number, kill in enumerate(KILLS):
         runs.append(compress(dataset, method, parts, resume=number > 0, kill=kill))
         print(f"  killed after {runs[-1].seconds:.0f} s")
     runs.append(compress(dataset, method, parts, resume=True))
@@ -121,12 +122,6 @@ def compare(dataset: Dataset, method: str, place: Path) -> None:
     print(bar(peak <= GIGABYTES * 1e9, text))
     print(bar(same(model, load_model(parts)), "the same numbers when killed twice and resumed"))
     assert not list(place.glob(".*.fit*")), "a state was left behind"
-
-
-def _moments(iterations: int) -> Iterator[int]:
-    """After how many saved states to kill: the first, and about half of what is left."""
-    yield 1
-    yield max(1, iterations // 2)
 
 
 def compress(
