@@ -28,7 +28,7 @@ from ._plots import Line, line_plot
 from ._report import MARK, bar, table
 
 MATERIALS = ("fibre", "net")
-TEXELS = 96
+TEXELS = 64
 SEEDS = (0, 1, 2)
 RANK, MIXTURES = 4, 3
 METHODS = {"nsvd": "N-SVD", "cta": "CTA", "kcta": "K-CTA"}
