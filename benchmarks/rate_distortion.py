@@ -3,8 +3,8 @@
 `python -m benchmarks.rate_distortion [FOLDER] [--only NAME ...]`; FOLDER holds rendered datasets,
 of which two are taken besides the measured ones.
 
-The grids have multiples of 4 as ranks (4 of the view mode where it is clustered), every other
-number of clusters, and 2 and 3 mixtures. A setting is left out where it cannot be the best one:
+The grids have multiples of 4 as ranks (4 of the view mode where it is clustered), the same of y and
+x, every fourth number of clusters, and 2 and 3 mixtures. A setting is left out where it cannot be the best one:
 where the truncation of a larger fit misses the target by far, or where it has a third more numbers
 than the best so far. Its file is compared as `compress` saves it, and rounded to the target like
 ours.
@@ -42,8 +42,8 @@ TARGETS = {"nsvd": 2.0, "kcta": 0.0}
 """Methods, and how far above the middle quality of a material their target is, in dB."""
 
 _MIDDLE = {"light": 20, "view": 28, "y": 32, "x": 32}  # ranks of N-SVD at medium quality
-_LARGEST = {"light": 40, "view": 72, "y": 24, "x": 24}  # ranks of the grid
-_CLUSTERS = range(6, 23, 2)
+_LARGEST = {"light": 40, "view": 72, "y": 48, "x": 48}  # ranks of the grid
+_CLUSTERS = range(6, 23, 4)
 _MIXTURES = (2, 3)
 _REGAINED = Regained(0.3, 0.5)  # more of a truncation's loss than any smaller fit regains
 _MORE_NUMBERS = 1.35
@@ -165,7 +165,7 @@ def _truncated(
     steps = [[rank for rank in choices if rank % 4 == 0] for choices in found.ranks.values()]
     for chosen in itertools.product(*steps):
         ranks = {mode: int(rank) for mode, rank in zip(found.ranks, chosen, strict=True)}
-        if found.error_at(ranks, _REGAINED) <= allowed:
+        if ranks["y"] == ranks["x"] and found.error_at(ranks, _REGAINED) <= allowed:
             yield found.numbers_at(ranks), {"ranks": ranks, **clustering}
 
 
