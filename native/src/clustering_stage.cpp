@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <functional>
 
+#include "kronecker.hpp"
 #include "nacre/blas.hpp"
 #include "nacre/gram.hpp"
 #include "thin_product.hpp"
@@ -92,10 +93,7 @@ class Stacks {
                     if (q == k_) continue;
                     const Index rank = state_.groupings[at(q)].rank;
                     const float* u = state_.bases[at(c)][at(q)].data() + position[at(q)] * rank;
-                    for (Index i = size; i-- > 0;) {
-                        const float w = weights[i];
-                        for (Index r = rank; r-- > 0;) weights[i * rank + r] = w * u[r];
-                    }
+                    kronecker(weights, size, u, rank);
                     size *= rank;
                 }
                 weights += other_rank_;

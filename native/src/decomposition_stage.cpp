@@ -3,9 +3,9 @@
 #include <algorithm>
 
 #include "block_decomposition.hpp"
+#include "in_place_update.hpp"
 #include "nacre/blas.hpp"
 #include "nacre/mode_product.hpp"
-#include "residual_rows.hpp"
 
 namespace nacre {
 

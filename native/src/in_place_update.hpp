@@ -23,4 +23,10 @@ struct ResidualScratch {
 void update_in_place(Executor& executor, ClusterState& state, Index c, Tensor& residual,
                      ResidualScratch& scratch);
 
+// The two kinds of update_in_place.
+void update_one_mode(Executor& executor, ClusterState& state, Index c, Tensor& residual,
+                     ResidualScratch& scratch);
+void update_several_modes(Executor& executor, ClusterState& state, Index c, Tensor& residual,
+                          ResidualScratch& scratch);
+
 }  // namespace nacre
