@@ -4,10 +4,10 @@
 of which two are taken besides the measured ones.
 
 The grids have multiples of 4 as ranks (4 of the view mode where it is clustered), the same of y and
-x, every fourth number of clusters, and 2 and 3 mixtures. A setting is left out where it cannot be the best one:
-where the truncation of a larger fit misses the target by far, or where it has a third more numbers
-than the best so far. Its file is compared as `compress` saves it, and rounded to the target like
-ours.
+x, every fourth number of clusters, and 2 and 3 mixtures. A setting is left out where it cannot be
+the best one: where the truncation of a larger fit misses the target by far, or where it has a third
+more numbers than the best so far. Its file is compared as `compress` saves it, and rounded to the
+target like ours.
 """
 
 from __future__ import annotations
