@@ -63,7 +63,7 @@ def main() -> None:
 
 def masks(name: str, folder: Path | None) -> Dataset:
     """A recipe's masks at the 81 directions of the University of Bonn, as a dataset."""
-    from addon.measure.direction_sets import ubo_81
+    from addon.datasets.direction_sets import ubo_81
 
     view = ubo_81()
     path = folder / f"{name}_mask.npy" if folder else None

@@ -23,11 +23,12 @@ import numpy as np
 
 from ..errors import NacreError
 from .directions import is_above_horizon, spherical_to_unit
+from .options import Options
 from .source import BLOCK_BYTES, DEFAULT_PATCH_WIDTH, Source, assumed_patch_size
 
 FORMAT = "btf"
 EXTENSIONS = (".btf",)
-OPTION = "cosine"
+OPTIONS = frozenset({"cosine"})
 
 # Signature: whether rotations of local frames follow the image size.
 _DFMF = {b"!DFMF08FCR": True, b"!DFMF08FC": False}
@@ -97,7 +98,7 @@ def matches(path: Path) -> bool:
     return _signature(_first_bytes(path)) is not None
 
 
-def open_source(path: Path, cosine: int | None) -> Source:
+def open_source(path: Path, options: Options) -> Source:
     """Read everything but the factors, and check every size against the file's.
 
     Raises NacreError, one line, for anything that is not a whole and consistent DFMF file.
@@ -107,7 +108,7 @@ def open_source(path: Path, cosine: int | None) -> Source:
             header = _read_header(file, path)
     except OSError as error:
         raise NacreError(f"cannot read {path}: {error.strerror}") from error
-    scaled, conversions = _cosine(header.meta, cosine, path.name)
+    scaled, conversions = _cosine(header.meta, options.cosine, path.name)
     if header.colour_model != 0:
         name = _COLOUR_MODELS[header.colour_model]
         conversions.append(f"colour model {header.colour_model} ({name}) decoded to RGB")

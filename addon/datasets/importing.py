@@ -12,10 +12,11 @@ from numpy.typing import DTypeLike
 from ..errors import Cancelled, NacreError
 from . import btf, masks, ubo2003
 from .dataset import DESCRIPTION, Dataset, DatasetWriter, HalfOverflowError, open_dataset
+from .options import Options
 from .source import Source
 
 # A reader is a module with FORMAT, EXTENSIONS, matches(path) -> bool, which looks at the content,
-# OPTION, the name of what the user may add to a file, and open_source(path, option) -> Source.
+# OPTIONS, the names of those Options that it takes, and open_source(path, options) -> Source.
 READERS = {reader.FORMAT: reader for reader in (btf, ubo2003, masks)}
 
 Progress = Callable[[float, str], bool]
@@ -41,10 +42,13 @@ def detect_format(source: str | Path) -> str:
 
 
 def describe_source(
-    source: str | Path, *, format: str | None = None, cosine: int | None = None
+    source: str | Path, *, format: str | None = None, **given: Any
 ) -> dict[str, Any]:
-    """What a file holds and what importing it would do, JSON-able, without importing it."""
-    return _open_source(source, format, cosine, None).summary()
+    """What a file holds and what importing it would do, JSON-able, without importing it.
+
+    Arguments and errors are those of `import_dataset`.
+    """
+    return _open_source(source, format, Options(**given)).summary()
 
 
 def import_dataset(
@@ -52,19 +56,16 @@ def import_dataset(
     destination: str | Path,
     *,
     format: str | None = None,
-    cosine: int | None = None,
-    directions: str | Path | None = None,
     progress: Progress | None = None,
+    **given: Any,
 ) -> Dataset:
     """Read a measured BTF or occlusion masks into the dataset folder `destination` and open it.
 
-    `format` is a name in READERS, found out when None. `cosine` says whether the file's values
-    include cos(theta_light): 1 leaves them, 0 multiplies, None does what the file says.
-    `directions` is a CSV file with the view of each mask, which masks need and nothing else takes.
-    Raises NacreError for anything wrong with the file or the disk, Cancelled when `progress`
-    answers False; then nothing is left of the dataset, and an older one there is untouched.
+    `format` is a name in READERS, found out when None; `given` are fields of Options. Raises
+    NacreError for anything wrong with the file or the disk, Cancelled when `progress` answers
+    False; then nothing is left of the dataset, and an older one there is untouched.
     """
-    opened = _open_source(source, format, cosine, directions)
+    opened = _open_source(source, format, Options(**given))
     try:
         _write(opened, destination, opened.dtype, progress)
     except HalfOverflowError:
@@ -73,12 +74,10 @@ def import_dataset(
     return open_dataset(destination)
 
 
-def _open_source(
-    source: str | Path, format: str | None, cosine: int | None, directions: str | Path | None
-) -> Source:
-    if cosine not in (None, 0, 1):
-        raise NacreError(f"cosine must be 0 or 1, not {cosine}")
-    if format is None and directions is not None and os.path.isdir(source):
+def _open_source(source: str | Path, format: str | None, options: Options) -> Source:
+    if options.cosine not in (None, 0, 1):
+        raise NacreError(f"cosine must be 0 or 1, not {options.cosine}")
+    if format is None and options.directions is not None and os.path.isdir(source):
         format = masks.FORMAT  # a folder of images is anything that its user says
     if format is None:
         format = detect_format(source)
@@ -87,11 +86,11 @@ def _open_source(
     elif not os.path.exists(source):
         raise NacreError(f"there is no file {source}")
     reader = READERS[format]
-    given = {"cosine": cosine, "directions": directions}
-    for option, value in given.items():
-        if value is not None and option != reader.OPTION:
-            raise NacreError(f"{Path(source).name} is read as {format}, which takes no --{option}")
-    return reader.open_source(Path(source), given[reader.OPTION])
+    for option in options.given():
+        if option not in reader.OPTIONS:
+            flag = option.replace("_", "-")
+            raise NacreError(f"{Path(source).name} is read as {format}, which takes no --{flag}")
+    return reader.open_source(Path(source), options)
 
 
 def _write(

@@ -14,11 +14,12 @@ import numpy as np
 
 from ..errors import NacreError
 from .directions import read_directions_csv
+from .options import Options
 from .source import DEFAULT_PATCH_WIDTH, Source, assumed_patch_size
 
 FORMAT = "masks"
 EXTENSIONS = (".npy",)
-OPTION = "directions"
+OPTIONS = frozenset({"directions"})
 
 _MAGIC = b"\x93NUMPY"
 _PARTS = re.compile(r"(\D*)(\d*)")
@@ -33,12 +34,13 @@ def matches(path: Path) -> bool:
         return False
 
 
-def open_source(path: Path, directions: str | Path | None) -> Source:
+def open_source(path: Path, options: Options) -> Source:
     """Read the sizes and the CSV file of view directions, one a mask.
 
     Raises NacreError for a folder without PNG images, an array that is not coverage (view, y, x),
     and another number of directions than masks.
     """
+    directions = options.directions
     if directions is None:
         raise NacreError(f"{path.name} holds masks: give --directions CSV, the view of each")
     view = read_directions_csv(directions)

@@ -23,11 +23,12 @@ import numpy as np
 
 from ..errors import NacreError
 from .directions import is_above_horizon, spherical_to_unit
+from .options import Options
 from .source import BLOCK_BYTES, DEFAULT_PATCH_WIDTH, Source, assumed_patch_size
 
 FORMAT = "ubo2003"
 EXTENSIONS = (".zip",)
-OPTION = "cosine"
+OPTIONS = frozenset({"cosine"})
 
 _IMAGES = {".jpg", ".jpeg", ".png"}
 _OTHER_IMAGES = {".hdr", ".exr", ".tif", ".tiff", ".bmp", ".tga", ".pfm", ".ppm", ".webp", ".gif"}
@@ -54,7 +55,7 @@ def matches(path: Path) -> bool:
         return False
 
 
-def open_source(path: Path, cosine: int | None) -> Source:
+def open_source(path: Path, options: Options) -> Source:
     """Read the names and the first image's size.
 
     Raises NacreError for a file that is no zip or has no images, for an image without angles or of
@@ -67,7 +68,7 @@ def open_source(path: Path, cosine: int | None) -> Source:
         order = _complete(grid, lights, views, path.name)
         height, width, _ = _decode(read(order[0]), order[0]).shape
     conversions = [f"8-bit values decoded with gamma {_GAMMA}"]
-    if cosine == 0:
+    if options.cosine == 0:
         conversions.append("multiplied by cos(theta_light), as asked")
     else:
         conversions.append("values taken to include cos(theta_light)")
@@ -75,7 +76,7 @@ def open_source(path: Path, cosine: int | None) -> Source:
     light = spherical_to_unit(*zip(*lights, strict=True))
     view = spherical_to_unit(*zip(*views, strict=True))
     # What every image is multiplied by, for each light.
-    factors = light[:, 2] if cosine == 0 else np.ones(len(light))
+    factors = light[:, 2] if options.cosine == 0 else np.ones(len(light))
     return Source(
         path=path,
         format=FORMAT,

@@ -14,8 +14,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from addon.datasets.direction_sets import ubo_81
 from addon.measure.btf import measure_btf
-from addon.measure.direction_sets import ubo_81
 from addon.measure.occlusion import measure_occlusion
 
 from .sheet import btf_sheet, mask_sheet

@@ -6,10 +6,10 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.datasets.direction_sets import ubo_81
 from addon.datasets.directions import spherical_to_unit
 from addon.errors import Cancelled, NacreError
 from addon.measure.btf import measure_btf
-from addon.measure.direction_sets import ubo_81
 
 WHITE, RED, GREEN = (1, 1, 1), (1, 0, 0), (0, 1, 0)
 WHOLE = ((-0.5, -0.5), (0.5, 0.5))

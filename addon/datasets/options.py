@@ -1,0 +1,31 @@
+"""What a user may say of a measured file that the file itself does not."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Options:
+    """None leaves it to the file, or to what its format usually means.
+
+    cosine: 1 when values include cos(theta_light), 0 when they are to be multiplied by it.
+    gamma: the exponent that gives linear values (1 for linear files), or "srgb".
+    white: the linear value, in the file's units, of a white diffuser lit head-on.
+    colour_space: "rec709" or "xyz" (CIE 1931, D65).
+    patch_width: the patch's width in metres.
+    directions: a CSV file; of masks the view of each, of images the light and view of each.
+    lights, views: the directions (see direction_sets) that a BRDF is sampled at.
+    """
+
+    cosine: int | None = None
+    gamma: float | str | None = None
+    white: float | None = None
+    colour_space: str | None = None
+    patch_width: float | None = None
+    directions: str | Path | None = None
+    lights: str | None = None
+    views: str | None = None
+
+    def given(self) -> list[str]:
+        """The names of those that are not None."""
+        return [field.name for field in fields(self) if getattr(self, field.name) is not None]
