@@ -12,7 +12,7 @@ import math
 import os
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,8 +50,9 @@ class Dataset:
 
     light (L, 3) and view (V, 3) are float64 unit vectors away from the surface; patch_size is
     (width, height) in metres; samples is a read-only memory map of float16 or float32 with the axes
-    of the kind; source is {"format", "file", "conversions"}. What a kind lacks is empty: light
-    (0, 3) and channels of occlusion, value of a BTF.
+    of the kind; source is {"format", "file", "conversions"}; side_channels are names of pictures
+    (y, x) beside the samples, NAME.exr. What a kind lacks is empty: light (0, 3) and channels of
+    occlusion, value of a BTF.
     """
 
     path: Path
@@ -65,6 +66,7 @@ class Dataset:
     periodic: bool
     noise_floor_db: float | None
     source: dict[str, Any]
+    side_channels: tuple[str, ...]
     samples: np.ndarray
 
     @property
@@ -126,8 +128,6 @@ class DatasetWriter:
         dtype: DTypeLike,
     ) -> None:
         self.path = Path(path)
-        if not self.path.name:
-            raise NacreError(f"{path} is no name for a dataset")
         self.shape = tuple(int(size) for size in shape)
         self.dtype = np.dtype(dtype).newbyteorder("<")
         if self.dtype not in DTYPES:
@@ -146,7 +146,7 @@ class DatasetWriter:
 
     def __enter__(self) -> "DatasetWriter":
         with self._disk_errors():
-            _check_destination(self.path)
+            check_destination(self.path)
             if shutil.disk_usage(self.path.parent).free < self._total * self.dtype.itemsize:
                 raise OSError(errno.ENOSPC, "no room")
             self._partial.mkdir()
@@ -182,6 +182,11 @@ class DatasetWriter:
         with self._disk_errors():
             self._file.write(stored.data)
         self._written += block.size
+
+    def add_files(self, write: Callable[[Path], None]) -> None:
+        """Let `write` put more files into the dataset's folder."""
+        with self._disk_errors():
+            write(self._partial)
 
     def __exit__(
         self,
@@ -238,14 +243,17 @@ class DatasetWriter:
             raise NacreError(f"cannot write {self.path}: {error.strerror}") from error
 
 
-def _check_destination(path: Path) -> None:
-    """Refuse to write where something other than an older dataset would be lost."""
+def check_destination(path: str | Path) -> Path:
+    """Raise NacreError where a dataset cannot be written or would replace something else."""
+    path = Path(path)
+    if not path.name:
+        raise NacreError(f"{path} is no name for a dataset")
     if not path.parent.is_dir():
         raise NacreError(f"cannot write {path}: there is no folder {path.parent}")
     if not os.path.lexists(path):
-        return
+        return path
     if path.is_dir() and ((path / DESCRIPTION).is_file() or not any(path.iterdir())):
-        return
+        return path
     raise NacreError(f"{path} exists and is not a Nacre dataset: choose another name")
 
 
@@ -341,6 +349,11 @@ def _check_description(description: Any, shape: tuple[int, ...], name: str) -> d
     noise = description["noise_floor_db"]
     require(noise is None or _is_number(noise), "has a noise_floor_db that is not a number")
     require(isinstance(description["source"], dict), "has a source that is not an object")
+    side = description.get("side_channels", [])
+    require(
+        isinstance(side, list) and all(isinstance(n, str) and n.isidentifier() for n in side),
+        "has side_channels that are not names",
+    )
     return {
         "kind": kind,
         "axes": axes,
@@ -352,6 +365,7 @@ def _check_description(description: Any, shape: tuple[int, ...], name: str) -> d
         "periodic": description["periodic"],
         "noise_floor_db": noise,
         "source": description["source"],
+        "side_channels": tuple(side),
     }
 
 

@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
 
-from ..datasets.dataset import AXES, Dataset, DatasetWriter, open_dataset
+from ..datasets.dataset import AXES, Dataset, DatasetWriter, check_destination, open_dataset
 from ..errors import Cancelled
-from .instrument import add_light, aim, new_instrument, render
+from .cycles import add_light, aim, render
+from .instrument import new_instrument
+from .noise import (
+    TRIAL_LIGHTS,
+    energy_and_noise,
+    lights_rendered_twice,
+    noise_floor_db,
+    samples_for,
+)
 from .patch import Patch
+from .settings import Settings
+from .top_view import measure_top_view, write_side_channels
+from .unfinished import Unfinished
 
 Progress = Callable[[float, str], bool]
+Picture = Callable[[int, int, int], np.ndarray]
 
-# Lights that are rendered a second time, to see how much the noise changes the values.
-NOISE_LIGHTS = 4
+# What of dataset.json the pictures depend on.
+_PICTURED = ("light", "view", "patch_size")
 
 
 def measure_btf(
@@ -25,62 +37,140 @@ def measure_btf(
     path: str | Path,
     light: np.ndarray,
     view: np.ndarray,
+    settings: Settings,
     *,
-    texels: int = 64,
-    samples: int = 8,
-    bounces: int = 2,
-    seed: int = 0,
+    part: tuple[int, int] = (1, 1),
+    origin: str = "",
+    resume: bool = False,
+    restart: bool = False,
     progress: Progress | None = None,
 ) -> Dataset:
     """Measure a patch into the dataset folder `path` and open it.
 
-    `light` (L, 3) and `view` (V, 3) are unit vectors above the patch; the samples are float16
-    (L, V, texels, texels, 3), each the mean of `samples` paths of up to `bounces` bounces over a
-    texel. Every picture has a seed of its own, `seed` + its number. The dataset's noise floor comes
-    from a few lights rendered twice. Raises NacreError for an empty patch, directions below the
-    horizon and a disk that cannot be written, Cancelled when `progress` answers False.
+    `light` (L, 3) and `view` (V, 3) are unit vectors above the patch; the samples are
+    (L, V, y, x, 3), float16 where that can hold them. Part (i, n) measures the i-th n-th of the
+    lights, for `merge_parts`. Every picture has a seed of its own, `settings.seed` + its number.
+    The noise floor comes from a few lights rendered twice.
+
+    A measurement of the same patch, directions, settings and `origin`, which tells one state of the
+    scene from another, that was cancelled or killed is gone on with, whatever finished pictures it
+    left; the result has the same bits. `resume` does so with another origin, too, and `restart`
+    throws the pictures away. Raises NacreError for an empty patch,
+    directions below the horizon, an unfinished measurement of something else and a disk that cannot
+    be written, Cancelled when `progress` answers False.
     """
+    path = check_destination(path)
+    first, last = (len(light) * (part[0] - 1 + end) // part[1] for end in (0, 1))
+    measurement = {
+        "patch": patch.name or patch.collection.name,
+        "origin": origin,
+        "program": f"Cycles {bpy.app.version_string}",
+        **settings.described(),
+        "first": first,
+        "of": len(light),
+    }
     description = {
         "nacre": 1,
         "kind": "btf",
         "axes": list(AXES),
-        "light": light.tolist(),
+        "light": light[first:last].tolist(),
         "view": view.tolist(),
         "channels": ["R", "G", "B"],
-        "patch_size": [patch.size, patch.size],
+        "patch_size": list(patch.size),
         "periodic": True,
-        "noise_floor_db": None,
+    }
+    depends_on = {**measurement, **{key: description[key] for key in _PICTURED}}
+    numbers = range(first, last)
+    with Unfinished(path, depends_on, resume, restart) as unfinished:
+        samples = _take_pictures(patch, light, view, settings, numbers, unfinished, progress)
+        measurement["samples"] = samples
+        _finish(path, patch, settings, description, measurement, unfinished)
+        unfinished.remove()
+    return open_dataset(path)
+
+
+def _take_pictures(
+    patch: Patch,
+    light: np.ndarray,
+    view: np.ndarray,
+    settings: Settings,
+    numbers: range,
+    unfinished: Unfinished,
+    progress: Progress | None,
+) -> int:
+    """Bring the unfinished measurement to all its pictures; how many samples they took."""
+
+    def step(number: float, message: str) -> None:
+        fraction = (number - numbers.start) / max(len(numbers), 1)
+        if progress and not progress(fraction, message):
+            raise Cancelled
+
+    samples = settings.samples if settings.noise_db is None else unfinished.samples()
+    missing = [number for number in numbers if unfinished.load(number) is None]
+    if not missing and samples is not None:
+        return samples
+    step(numbers.start + len(numbers) - len(missing), "Preparing")
+    texels = settings.texels(patch.size)
+    twice = lights_rendered_twice(len(light))
+    measured = new_instrument(patch, view, light, texels, settings.samples, settings.bounces)
+    with measured as (scene, tiles):
+        sun = add_light(scene)
+
+        def picture(number: int, samples: int, seed: int) -> np.ndarray:
+            scene.cycles.samples = samples
+            aim(sun, light[number])
+            return tiles.split(render(scene, settings.seed + seed)["Combined"])[..., :3]
+
+        if samples is None:
+            assert settings.noise_db is not None
+            trials = np.linspace(0, len(light) - 1, TRIAL_LIGHTS + 2).round().astype(int)[1:-1]
+
+            def trial(which: int, count: int, seed: int) -> np.ndarray:
+                step(numbers.start, f"Looking for the samples: {count}")
+                return picture(trials[which], count, 2 * len(light) + seed)
+
+            samples = samples_for(settings.noise_db, trial)
+            unfinished.save_samples(samples)
+        for number in missing:
+            step(number, f"Measuring light {number + 1} of {len(light)}")
+            values = picture(number, samples, number)
+            noise = np.zeros(2)
+            if number in twice:
+                noise = energy_and_noise(values, picture(number, samples, len(light) + number))
+            unfinished.save(number, values, noise)
+    return samples
+
+
+def _finish(
+    path: Path,
+    patch: Patch,
+    settings: Settings,
+    description: dict[str, Any],
+    measurement: dict[str, Any],
+    unfinished: Unfinished,
+) -> None:
+    """From finished pictures to the dataset."""
+    count = len(description["light"])
+    numbers = range(measurement["first"], measurement["first"] + count)
+    dtype, noise = np.dtype(np.float16), []
+    for number in numbers:
+        values, found = unfinished.finished(number)
+        dtype = np.promote_types(dtype, values.dtype)
+        noise.append(found)
+    texels = settings.texels(patch.size)
+    top = measure_top_view(patch, texels) if measurement["first"] == 0 else {}
+    description |= {
+        "noise_floor_db": noise_floor_db(noise),
+        "side_channels": list(top),
         "source": {
             "format": "Cycles",
-            "file": patch.collection.name,
-            "conversions": [
-                f"rendered with Cycles {bpy.app.version_string}: {samples} samples a texel, "
-                f"{bounces} bounces, seed {seed}"
-            ],
+            "file": measurement["patch"],
+            "conversions": [],
+            "measurement": measurement | {"noise": [found.tolist() for found in noise]},
         },
     }
-    twice = set(np.linspace(0, len(light) - 1, min(NOISE_LIGHTS, len(light))).round().astype(int))
-    energy = noise = 0.0
-    with (
-        DatasetWriter(
-            path, description, (len(light), len(view), texels, texels, 3), np.float16
-        ) as writer,
-        new_instrument(patch, view, light, texels, samples) as (scene, tiles),
-    ):
-        scene.cycles.max_bounces = bounces
-        for kind in ("diffuse", "glossy", "transmission"):
-            setattr(scene.cycles, f"{kind}_bounces", bounces)
-        sun = add_light(scene)
-        for number, direction in enumerate(light):
-            if progress and not progress(number / len(light), "Measuring"):
-                raise Cancelled
-            aim(sun, direction)
-            values = render(scene, tiles, seed + number)[..., :3]
-            writer.write(values)
-            if number in twice:
-                again = render(scene, tiles, seed + len(light) + number)[..., :3]
-                energy += float(np.square(values, dtype=np.float64).sum())
-                noise += float(np.square(values - again, dtype=np.float64).sum()) / 2
-        if noise > 0 and energy > 0:
-            description["noise_floor_db"] = round(10 * math.log10(energy / noise), 2)
-    return open_dataset(path)
+    shape = (count, len(description["view"]), texels[1], texels[0], 3)
+    with DatasetWriter(path, description, shape, dtype) as writer:
+        for number in numbers:
+            writer.write(unfinished.finished(number)[0])
+        writer.add_files(lambda folder: write_side_channels(folder, top))

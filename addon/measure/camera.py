@@ -23,48 +23,47 @@ SHADER = "hemisphere_camera.osl"
 
 @dataclass(frozen=True)
 class Tiles:
-    """How the views lie in a picture: `count` squares of texels x texels, row by row from the
-    bottom left."""
+    """How the views lie in a picture: `count` tiles of texels (x, y), row by row from the bottom
+    left."""
 
     count: int
-    texels: int
+    texels: tuple[int, int]
+
+    # Blender renders no picture of less than 4 pixels in width or height.
 
     @property
     def columns(self) -> int:
-        return max(math.ceil(math.sqrt(self.count)), self._least)
+        return max(math.ceil(math.sqrt(self.count)), math.ceil(4 / self.texels[0]))
 
     @property
     def rows(self) -> int:
-        return max(math.ceil(self.count / self.columns), self._least)
-
-    @property
-    def _least(self) -> int:
-        """Blender renders no picture of less than 4 pixels in width or height."""
-        return math.ceil(4 / self.texels)
+        return max(math.ceil(self.count / self.columns), math.ceil(4 / self.texels[1]))
 
     @property
     def picture_size(self) -> tuple[int, int]:
         """(width, height) in pixels."""
-        return self.columns * self.texels, self.rows * self.texels
+        return self.columns * self.texels[0], self.rows * self.texels[1]
 
     def split(self, picture: np.ndarray) -> np.ndarray:
         """(view, y, x, channel) from a picture (height, width, channel), bottom row first."""
-        tiles = picture.reshape(self.rows, self.texels, self.columns, self.texels, -1)
+        width, height = self.texels
+        tiles = picture.reshape(self.rows, height, self.columns, width, -1)
         tiles = tiles.transpose(0, 2, 1, 3, 4)
-        return tiles.reshape(-1, self.texels, self.texels, picture.shape[-1])[: self.count]
+        return tiles.reshape(-1, height, width, picture.shape[-1])[: self.count]
 
 
 def add_hemisphere_camera(
     scene: bpy.types.Scene,
     view: np.ndarray,
     tiles: Tiles,
-    patch: float,
+    patch: tuple[float, float],
     height: float,
     centred: bool = False,
 ) -> None:
     """Give the scene a camera at the origin that looks from all of `view` (V, 3) at once.
 
-    `patch` is the side of the square patch in metres; rays start at `height` above the plane.
+    `patch` is the size (width, height) of the patch in metres; rays start at `height` above the
+    plane.
     `centred` sends every ray through its texel's centre. Raises NacreError where this Blender
     cannot compile the shader.
     """
@@ -77,8 +76,10 @@ def add_hemisphere_camera(
         "VIEW_START": _list(start),
         "COLUMNS": tiles.columns,
         "ROWS": tiles.rows,
-        "TEXELS": tiles.texels,
-        "PATCH": f"{patch:.9g}",
+        "TEXELS_X": tiles.texels[0],
+        "TEXELS_Y": tiles.texels[1],
+        "PATCH_X": f"{patch[0]:.9g}",
+        "PATCH_Y": f"{patch[1]:.9g}",
         "CENTRED": int(centred),
     }
     header = "".join(f"#define {name} {value}\n" for name, value in values.items())

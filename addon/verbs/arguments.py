@@ -89,3 +89,25 @@ def above_0(text: str) -> float:
     if not 0.0 < value < inf:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
     return value
+
+
+def lengths(text: str) -> tuple[float, float]:
+    """Width and height in metres; one number for both."""
+    try:
+        sides = [above_0(side) for side in text.split(",")]
+    except argparse.ArgumentTypeError:
+        sides = []
+    if len(sides) not in (1, 2):
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form 0.02 or 0.02,0.03 (metres)")
+    return sides[0], sides[-1]
+
+
+def part_of(text: str) -> tuple[int, int]:
+    """The i-th of n parts, counted from 1."""
+    try:
+        number, count = (int(field) for field in text.split("/"))
+    except ValueError:
+        number = count = 0
+    if not 1 <= number <= count:
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form 2/5")
+    return number, count

@@ -44,7 +44,9 @@ def describe_dataset(dataset: Dataset) -> dict[str, Any]:
         "dtype": dataset.samples.dtype.name,
         "patch_size": list(dataset.patch_size),
         "raw_bytes": dataset.raw_bytes,
-        "source": dataset.source,
+        **({"noise_floor_db": dataset.noise_floor_db} if dataset.noise_floor_db else {}),
+        **({"side_channels": list(dataset.side_channels)} if dataset.side_channels else {}),
+        "source": _short(dataset.source),
     }
 
 
@@ -65,3 +67,12 @@ def describe_model(model: ClusteredTucker, path: Path) -> dict[str, Any]:
         "ratio": round(4 * prod(model.shape) / size, 2),
         "source": model.dataset["source"],
     }
+
+
+def _short(source: dict[str, Any]) -> dict[str, Any]:
+    """Where a dataset comes from, without the long list of each picture's noise."""
+    measurement = source.get("measurement")
+    if not isinstance(measurement, dict):
+        return source
+    kept = {key: value for key, value in measurement.items() if key != "noise"}
+    return source | {"measurement": kept}

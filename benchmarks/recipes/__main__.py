@@ -16,7 +16,8 @@ import numpy as np
 
 from addon.datasets.direction_sets import ubo_81
 from addon.measure.btf import measure_btf
-from addon.measure.occlusion import measure_occlusion
+from addon.measure.occlusion import coverage
+from addon.measure.settings import Settings
 
 from .sheet import btf_sheet, mask_sheet
 
@@ -47,13 +48,14 @@ def main() -> None:
             continue
         begun = time.monotonic()
         if name in MASKS:
-            mask = measure_occlusion(patch, view, texels=options.texels)
+            mask = coverage(patch, view, (options.texels, options.texels))
             np.save(path, np.round(mask).astype(np.uint8))
             mask_sheet(mask, path.with_suffix(".png"))
             found = f"{mask.mean():.1%} covered"
         else:
             samples = options.samples or BTFS[name]
-            dataset = measure_btf(patch, path, light, view, texels=options.texels, samples=samples)
+            settings = Settings(options.texels, samples, bounces=2)
+            dataset = measure_btf(patch, path, light, view, settings)
             btf_sheet(dataset.samples, path.with_suffix(".png"))
             found = f"noise floor {dataset.noise_floor_db} dB"
         print(f"{name}: {found}, {time.monotonic() - begun:.0f} s", flush=True)

@@ -13,7 +13,7 @@ def new_patch(name: str, size: float, *parts: bpy.types.ID) -> Patch:
     collection = bpy.data.collections.new(name)
     for part in parts:
         collection.objects.link(bpy.data.objects.new(part.name, part))
-    return Patch(collection, size)
+    return Patch(collection, (size, size))
 
 
 def new_mesh(

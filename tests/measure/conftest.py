@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import bpy
 import pytest
 
 from addon.measure.patch import Patch
+
+# measured_monkey lies beside the tests.
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 # Corner nearest the origin's lower left, opposite corner, height, linear colour.
 Quad = tuple[tuple[float, float], tuple[float, float], float, tuple[float, float, float]]
@@ -32,7 +37,7 @@ def make_patch() -> Callable[..., Patch]:
             mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
             mesh.materials.append(_material(shader, colour, inputs))
             collection.objects.link(bpy.data.objects.new("Quad", mesh))
-        return Patch(collection, 1.0)
+        return Patch(collection, (1.0, 1.0))
 
     return make
 
