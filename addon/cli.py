@@ -72,16 +72,12 @@ class Progress:
 
     def __init__(self) -> None:
         self.started = time.monotonic()
-        self.first: float | None = None
         self.shown = False
 
     def __call__(self, fraction: float, message: str) -> bool:
-        if self.first is None:
-            self.first = fraction  # more than 0 when unfinished work is gone on with
         if sys.stderr.isatty():
-            done = fraction - self.first
-            left = (time.monotonic() - self.started) * (1.0 - fraction) / max(done, 1e-3)
-            rest = f"{left:4.0f} s left" if done > 0.02 else ""
+            left = (time.monotonic() - self.started) * (1.0 - fraction) / max(fraction, 1e-3)
+            rest = f"{left:4.0f} s left" if fraction > 0.02 else ""
             print(f"\r{message:<40.40} {fraction:4.0%} {rest:<12}", end="", file=sys.stderr)
             self.shown = True
         return True

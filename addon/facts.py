@@ -26,11 +26,13 @@ def dataset_facts(path: str) -> str:
     def describe() -> dict[str, str]:
         dataset = open_dataset(path)
         sizes = dataset.sizes
+        floor = dataset.noise_floor_db
         return {
             "Name": dataset.path.name,
             "Directions": _directions(sizes),
             "Texels": f"{sizes['x']} × {sizes['y']}",
             "Size": size_text(dataset.samples.nbytes),
+            **({"Noise Floor": f"{floor:.1f} dB"} if floor is not None else {}),
         }
 
     return _facts(describe, path)

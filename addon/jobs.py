@@ -30,7 +30,6 @@ class Job(threading.Thread):
         super().__init__(name=f"Nacre {owner}", daemon=True)
         self.owner = owner
         self.fraction = 0.0
-        self.first: float | None = None  # more than 0 when unfinished work is gone on with
         self.message = ""
         self.result: Any = None
         self.error: BaseException | None = None
@@ -48,8 +47,6 @@ class Job(threading.Thread):
 
     def _progress(self, fraction: float, message: str) -> bool:
         self.fraction, self.message = min(max(fraction, 0.0), 1.0), message
-        if self.first is None:
-            self.first = self.fraction
         return not self._cancelled.is_set()
 
     def cancel(self) -> None:
@@ -68,10 +65,9 @@ class Job(threading.Thread):
     def seconds_left(self) -> float | None:
         """An estimate by the pace up to now; None when it is too early to tell."""
         elapsed = time.monotonic() - self._begun
-        done = self.fraction - (self.first or 0.0)
-        if elapsed < 0.5 or done < 0.02:
+        if elapsed < 0.5 or self.fraction < 0.02:
             return None
-        return elapsed * (1.0 - self.fraction) / done
+        return elapsed * (1.0 - self.fraction) / self.fraction
 
     def text(self) -> str:
         """How far it is and how long it will take, short enough for a bar."""

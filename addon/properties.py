@@ -5,6 +5,7 @@ from bpy.props import EnumProperty, FloatProperty, PointerProperty, StringProper
 
 from .errors import NacreError
 from .facts import dataset_facts, expected_model, model_facts
+from .measurement_properties import NACRE_PG_measurement
 from .nodes.light_group import KINDS
 
 
@@ -51,9 +52,14 @@ def _model_set(self: "NACRE_PG_scene", _context: bpy.types.Context) -> None:
 class NACRE_PG_scene(bpy.types.PropertyGroup):
     """From a measured file to a material: the paths and settings of each step."""
 
+    measurement: PointerProperty(
+        name="Measurement",
+        description="What is measured with Cycles, and how",
+        type=NACRE_PG_measurement,
+    )
     dataset: StringProperty(
         name="Dataset",
-        description="Folder of the imported samples, NAME.nacre",
+        description="Folder of the imported or measured samples, NAME.nacre",
         subtype="DIR_PATH",
         update=_dataset_set,
     )
@@ -151,4 +157,4 @@ class NACRE_PG_material(bpy.types.PropertyGroup):
     )
 
 
-CLASSES = (NACRE_PG_scene, NACRE_PG_material)
+CLASSES = (NACRE_PG_measurement, NACRE_PG_scene, NACRE_PG_material)

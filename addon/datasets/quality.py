@@ -44,6 +44,16 @@ def compare_blocks(
     }
 
 
+def beyond_noise(snr_db: float | None, noise_floor_db: float | None) -> str:
+    """One line for an approximation closer to the samples than their own noise; else nothing."""
+    if snr_db is None or noise_floor_db is None or snr_db <= noise_floor_db:
+        return ""
+    return (
+        f"{snr_db:.1f} dB is beyond the samples' noise floor of {noise_floor_db:.1f} dB: what is "
+        "kept between is noise"
+    )
+
+
 def _peak(values: NDArray[np.float64]) -> float:
     return max(float(values.max(initial=0.0)), -float(values.min(initial=0.0)))
 

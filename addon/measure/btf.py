@@ -100,16 +100,17 @@ def _take_pictures(
 ) -> int:
     """Bring the unfinished measurement to all its pictures; how many samples they took."""
 
-    def step(number: float, message: str) -> None:
-        fraction = (number - numbers.start) / max(len(numbers), 1)
-        if progress and not progress(fraction, message):
-            raise Cancelled
-
     samples = settings.samples if settings.noise_db is None else unfinished.samples()
     missing = [number for number in numbers if unfinished.load(number) is None]
     if not missing and samples is not None:
         return samples
-    step(numbers.start + len(numbers) - len(missing), "Preparing")
+
+    def step(done: int, message: str) -> None:
+        """Fractions are of what is left to do now, so that they tell the time left."""
+        if progress and not progress(done / max(len(missing), 1), message):
+            raise Cancelled
+
+    step(0, "Preparing")
     texels = settings.texels(patch.size)
     twice = lights_rendered_twice(len(light))
     measured = new_instrument(patch, view, light, texels, settings.samples, settings.bounces)
@@ -126,13 +127,13 @@ def _take_pictures(
             trials = np.linspace(0, len(light) - 1, TRIAL_LIGHTS + 2).round().astype(int)[1:-1]
 
             def trial(which: int, count: int, seed: int) -> np.ndarray:
-                step(numbers.start, f"Looking for the samples: {count}")
+                step(0, f"Looking for the samples: {count}")
                 return picture(trials[which], count, 2 * len(light) + seed)
 
             samples = samples_for(settings.noise_db, trial)
             unfinished.save_samples(samples)
-        for number in missing:
-            step(number, f"Measuring light {number + 1} of {len(light)}")
+        for done, number in enumerate(missing):
+            step(done, f"Measuring light {number + 1} of {len(light)}")
             values = picture(number, samples, number)
             noise = np.zeros(2)
             if number in twice:

@@ -1,10 +1,11 @@
 """One file for each thing a user does."""
 
-from . import cancel, compress, create_material, import_btf
+from . import cancel, compress, create_material, import_btf, measure
 
 CLASSES = (
     import_btf.NACRE_OT_import_btf,
     import_btf.NACRE_FH_btf,
+    measure.NACRE_OT_measure,
     compress.NACRE_OT_compress,
     create_material.NACRE_OT_create_material,
     cancel.NACRE_OT_cancel,

@@ -7,9 +7,10 @@ import bpy
 
 from ..datasets.dataset import open_dataset
 from ..datasets.occlusion import with_value
+from ..datasets.quality import beyond_noise
 from ..facts import parse_facts
 from ..jobs import JobOperator, Progress, Work
-from ..properties import TARGETS
+from ..properties import TARGETS, NACRE_PG_scene
 from .ready import is_ready
 
 
@@ -58,4 +59,16 @@ class NACRE_OT_compress(JobOperator, bpy.types.Operator):
         chosen = context.scene.nacre
         chosen.model = str(result)
         facts = ", ".join(value for _, value in parse_facts(chosen.model_facts)[1:])
-        self.report({"INFO"}, f"Saved {result.name}: {facts}")
+        note = _beyond_noise(chosen)
+        if note:
+            self.report({"WARNING"}, f"Saved {result.name}, but {note}")
+        else:
+            self.report({"INFO"}, f"Saved {result.name}: {facts}")
+
+
+def _beyond_noise(chosen: NACRE_PG_scene) -> str:
+    """What to say of a model that keeps noise."""
+    from ..models.exr import load_model
+
+    dataset = open_dataset(bpy.path.abspath(chosen.dataset))
+    return beyond_noise(load_model(chosen.model).fit.get("snr_db"), dataset.noise_floor_db)

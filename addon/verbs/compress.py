@@ -72,6 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..datasets.dataset import open_dataset
     from ..datasets.occlusion import with_value
+    from ..datasets.quality import beyond_noise
     from ..models.exr import check_destination, save_model
     from ..models.fit import METHODS
     from .info import describe_model
@@ -96,7 +97,8 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     by_target = options.target_db is not None or options.target_mb is not None
     model = (_by_target if by_target else _by_settings)(dataset, options, shared)
     save_model(model, options.model)
-    return describe_model(model, options.model)
+    note = beyond_noise(model.fit.get("snr_db"), dataset.noise_floor_db)
+    return describe_model(model, options.model) | ({"note": note} if note else {})
 
 
 def _by_target(

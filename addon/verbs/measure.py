@@ -69,50 +69,45 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 _OF_BTF = ("lights", "samples", "noise", "bounces", "seed", "part", "resume", "restart")
 _OF_OCCLUSION = ("value",)
+_KINDS = ("object", "collection", "material")
 
 
 def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     need_blender()
+    from ..datasets.dataset import check_destination
     from ..datasets.direction_sets import direction_set
-    from ..measure.patch import open_patch
+    from ..measure.request import Request, measure
     from ..measure.scene_file import find_item, open_scene
+    from ..measure.settings import Settings
     from .info import describe_dataset
 
     others = _OF_OCCLUSION if options.kind == "btf" else _OF_BTF
     for name in others:
         if getattr(options, name):
             raise NacreError(f"--{name} does not go with --kind {options.kind}")
-    view = direction_set(options.views)
-    kinds = ("object", "collection", "material")
-    kind = next((kind for kind in kinds if getattr(options, kind) is not None), None)
+
+    def given(**names: str) -> dict[str, Any]:
+        """What was given on the command line, under other names."""
+        values = {name: getattr(options, option) for name, option in names.items()}
+        return {name: value for name, value in values.items() if value is not None}
+
+    settings = given(samples="samples", noise_db="noise", bounces="bounces", seed="seed")
+    request = Request(
+        kind=options.kind,
+        size=options.size,
+        views=options.views,
+        settings=Settings(options.texels, **settings),
+        resume=options.resume,
+        restart=options.restart,
+        **given(lights="lights", value="value", part="part"),
+    )
+    # Opening a large scene takes long: what can be wrong before that is found first.
+    check_destination(options.dataset)
+    for name in (request.views, request.lights):
+        direction_set(name)
+    kind = next((kind for kind in _KINDS if getattr(options, kind) is not None), None)
     origin = open_scene(options.scene)
     item = find_item(kind, kind and getattr(options, kind))
-    with open_patch(item, options.size) as patch:
-        if options.kind == "occlusion":
-            from ..measure.occlusion import measure_occlusion
-
-            value = options.value or "mask"
-            dataset = measure_occlusion(
-                patch, options.dataset, view, width=options.texels, value=value, progress=progress
-            )
-        else:
-            from ..measure.btf import measure_btf
-            from ..measure.settings import Settings
-
-            named = {"noise_db": options.noise}
-            for name in ("samples", "bounces", "seed"):
-                named[name] = getattr(options, name)
-            given = {name: value for name, value in named.items() if value is not None}
-            dataset = measure_btf(
-                patch,
-                options.dataset,
-                direction_set(options.lights or "ubo81"),
-                view,
-                Settings(options.texels, **given),
-                part=options.part or (1, 1),
-                origin=origin,
-                resume=options.resume,
-                restart=options.restart,
-                progress=progress,
-            )
-    return describe_dataset(dataset)
+    return describe_dataset(
+        measure(item, options.dataset, request, origin=origin, progress=progress)
+    )

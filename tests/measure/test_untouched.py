@@ -16,7 +16,9 @@ from addon.measure.settings import Settings
 LIGHT = direction_set("uniform:3")
 # Collections of everything that a file may hold.
 KINDS = [
-    p.identifier for p in bpy.types.BlendData.bl_rna.properties if p.type == "COLLECTION"
+    p.identifier
+    for p in bpy.types.BlendData.bl_rna.properties
+    if p.type == "COLLECTION" and p.identifier != "all_ids"
 ]  # fmt: skip
 # Blender's own: the scratch picture of all renders, and what says when something was looked at.
 SKIPPED = {"rna_type", "depsgraph", "is_evaluated", "original", "id_data", "session_uid", "users"}

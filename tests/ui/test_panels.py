@@ -24,7 +24,7 @@ class Layout:
     def label(self, text="", icon="NONE", translate=True):
         self.seen.append(text)
 
-    def prop(self, data, name, index=0, text="", placeholder=""):
+    def prop(self, data, name, index=0, text="", placeholder="", expand=False):
         assert hasattr(data, name), name
         self.seen.append(name)
 
@@ -32,6 +32,7 @@ class Layout:
         group, _, operator = name.partition(".")
         assert hasattr(bpy.types, f"{group.upper()}_OT_{operator}"), name
         self.seen.append(name)
+        return SimpleNamespace()
 
     def progress(self, factor, text):
         self.seen.append(("progress", factor, text))
@@ -61,9 +62,10 @@ def by_name(name):
     return next(cls for cls in panels.CLASSES if cls.__name__ == name)
 
 
-def test_an_empty_scene_shows_the_three_steps():
+def test_an_empty_scene_shows_the_steps():
     shown = {cls.__name__: draw(cls) for cls in panels.CLASSES}
     assert "nacre.import_btf" in shown["NACRE_PT_import_btf"]
+    assert "nacre.measure" in shown["NACRE_PT_measure"]
     assert "nacre.compress" in shown["NACRE_PT_compress"]
     assert "nacre.create_material" in shown["NACRE_PT_create_material"]
     assert shown["NACRE_PT_missing_wheels"] is None
@@ -98,6 +100,22 @@ def test_only_a_target_asks_for_a_number(scene):
         assert [item for item in shown if str(item).startswith("target")] == (
             [name] if name else []
         )
+
+
+def test_measuring_asks_for_what_it_needs(scene, tmp_path):
+    chosen, panel = scene.nacre.measurement, by_name("NACRE_PT_measure")
+    assert {"views", "lights", "samples", "bounces"} <= set(draw(panel))
+    assert "81 lights × 81 views" in draw(panel)
+    chosen.views, chosen.lights, chosen.use_noise_target = "uniform", "csv", True
+    assert {"view_count", "light_file", "noise_db"} <= set(draw(panel))
+    chosen.kind = "MASK"
+    assert not {"lights", "samples", "noise_db"} & set(draw(panel))
+    chosen.kind, chosen.output = "BTF", str(tmp_path / "a.nacre")
+    for number in range(3):
+        (tmp_path / ".a.nacre.measuring").mkdir(exist_ok=True)
+        (tmp_path / ".a.nacre.measuring" / f"{number:05}.npz").touch()
+    assert draw(panel).count("nacre.measure") == 2
+    assert "3 lights are measured already" in draw(panel)
 
 
 def test_a_problem_takes_as_many_lines_as_it_needs(scene, tmp_path):
