@@ -13,13 +13,7 @@ from ..datasets.dataset import AXES, Dataset, DatasetWriter, check_destination, 
 from ..errors import Cancelled
 from .cycles import add_light, aim, render
 from .instrument import new_instrument
-from .noise import (
-    TRIAL_LIGHTS,
-    energy_and_noise,
-    lights_rendered_twice,
-    noise_floor_db,
-    samples_for,
-)
+from .noise import energy_and_noise, noise_floor_db, samples_for, strips_rendered_twice
 from .patch import Patch
 from .settings import Settings
 from .top_view import measure_top_view, write_side_channels
@@ -50,7 +44,8 @@ def measure_btf(
     `light` (L, 3) and `view` (V, 3) are unit vectors above the patch; the samples are
     (L, V, y, x, 3), float16 where that can hold them. Part (i, n) measures the i-th n-th of the
     lights, for `merge_parts`. Every picture has a seed of its own, `settings.seed` + its number.
-    The noise floor comes from a few lights rendered twice.
+    The noise floor comes from as many texels as a picture has, spread over lights and views and
+    rendered twice.
 
     A measurement of the same patch, directions, settings and `origin`, which tells one state of the
     scene from another, that was cancelled or killed is gone on with, whatever finished pictures it
@@ -112,32 +107,37 @@ def _take_pictures(
 
     step(0, "Preparing")
     texels = settings.texels(patch.size)
-    twice = lights_rendered_twice(len(light))
     measured = new_instrument(patch, view, light, texels, settings.samples, settings.bounces)
     with measured as (scene, tiles):
         sun = add_light(scene)
 
-        def picture(number: int, samples: int, seed: int) -> np.ndarray:
-            scene.cycles.samples = samples
+        def picture(number: int, count: int, seed: int, row: int | None = None) -> np.ndarray:
+            scene.cycles.samples = count
             aim(sun, light[number])
-            return tiles.split(render(scene, settings.seed + seed)["Combined"])[..., :3]
+            strip = (0.0, 1.0) if row is None else (row / tiles.rows, (row + 1) / tiles.rows)
+            passes = render(scene, settings.seed + seed, strip)
+            return tiles.split(passes["Combined"], row)[..., :3]
 
+        twice = strips_rendered_twice(len(light), tiles.used_rows)
         if samples is None:
             assert settings.noise_db is not None
-            trials = np.linspace(0, len(light) - 1, TRIAL_LIGHTS + 2).round().astype(int)[1:-1]
 
-            def trial(which: int, count: int, seed: int) -> np.ndarray:
+            def trial(count: int) -> float | None:
                 step(0, f"Looking for the samples: {count}")
-                return picture(trials[which], count, 2 * len(light) + seed)
+                seeds = 2 * len(light), 2 * len(light) + 1
+                return noise_floor_db(
+                    energy_and_noise(*(picture(number, count, seed, row) for seed in seeds))
+                    for number, row in twice
+                )
 
             samples = samples_for(settings.noise_db, trial)
             unfinished.save_samples(samples)
         for done, number in enumerate(missing):
             step(done, f"Measuring light {number + 1} of {len(light)}")
-            values = picture(number, samples, number)
-            noise = np.zeros(2)
-            if number in twice:
-                noise = energy_and_noise(values, picture(number, samples, len(light) + number))
+            values, noise = picture(number, samples, number), np.zeros(2)
+            for row in [row for own, row in twice if own == number]:
+                again = picture(number, samples, len(light) + number, row)
+                noise += energy_and_noise(values[tiles.views(row)], again)
             unfinished.save(number, values, noise)
     return samples
 

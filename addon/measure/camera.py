@@ -44,12 +44,25 @@ class Tiles:
         """(width, height) in pixels."""
         return self.columns * self.texels[0], self.rows * self.texels[1]
 
-    def split(self, picture: np.ndarray) -> np.ndarray:
-        """(view, y, x, channel) from a picture (height, width, channel), bottom row first."""
+    def views(self, row: int | None = None) -> slice:
+        """The views in a row of tiles; all views without one."""
+        if row is None:
+            return slice(0, self.count)
+        return slice(row * self.columns, min((row + 1) * self.columns, self.count))
+
+    @property
+    def used_rows(self) -> int:
+        """Rows that hold a view."""
+        return math.ceil(self.count / self.columns)
+
+    def split(self, picture: np.ndarray, row: int | None = None) -> np.ndarray:
+        """(view, y, x, channel) from a picture (height, width, channel), bottom row first, of all
+        views or of one row of tiles."""
         width, height = self.texels
-        tiles = picture.reshape(self.rows, height, self.columns, width, -1)
-        tiles = tiles.transpose(0, 2, 1, 3, 4)
-        return tiles.reshape(-1, height, width, picture.shape[-1])[: self.count]
+        tiles = picture.reshape(-1, height, self.columns, width, picture.shape[-1])
+        tiles = tiles.transpose(0, 2, 1, 3, 4).reshape(-1, height, width, picture.shape[-1])
+        views = self.views(row)
+        return tiles[: views.stop - views.start]
 
 
 def add_hemisphere_camera(

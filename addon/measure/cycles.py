@@ -53,13 +53,20 @@ def aim(item: bpy.types.Object, direction: np.ndarray) -> None:
     item.rotation_quaternion = Vector(direction).to_track_quat("Z", "Y")
 
 
-def render(scene: bpy.types.Scene, seed: int) -> dict[str, np.ndarray]:
+def render(
+    scene: bpy.types.Scene, seed: int, strip: tuple[float, float] = (0.0, 1.0)
+) -> dict[str, np.ndarray]:
     """The passes of one picture, (height, width, channels) float32 each, bottom row first.
 
     "Combined" is linear RGB and coverage; others are there as the scene's view layer asks for them.
-    Raises NacreError when Blender could not write the picture.
+    `strip` is the part of the height to render, from the bottom; its pixels are those of the whole
+    picture. Raises NacreError when Blender could not write the picture.
     """
     scene.cycles.seed = seed
+    frame = scene.render
+    frame.use_border = frame.use_crop_to_border = strip != (0.0, 1.0)
+    frame.border_min_x, frame.border_max_x = 0.0, 1.0
+    frame.border_min_y, frame.border_max_y = strip
     settings = scene.render.image_settings
     if hasattr(settings, "media_type"):  # 5.x
         settings.media_type = "MULTI_LAYER_IMAGE"

@@ -7,22 +7,23 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-# Lights that are rendered a second time. Each costs one picture of a measurement.
-NOISE_LIGHTS = 4
-
-# Lights that the number of samples for a noise target is tried out on, from how many on, and up to
-# how many.
-TRIAL_LIGHTS = 2
+# Samples that a noise target is tried out with: from how many on, and up to how many.
 FEWEST, MOST = 4, 4096
 
 
-def lights_rendered_twice(count: int) -> set[int]:
-    """Which of `count` lights are rendered a second time: a few, from the normal to the horizon."""
-    return set(np.linspace(0, count - 1, min(NOISE_LIGHTS, count)).round().astype(int).tolist())
+def strips_rendered_twice(lights: int, rows: int) -> list[tuple[int, int]]:
+    """(light, row of tiles) of what is rendered a second time: each row once, as many lights as
+    there are, both from the normal to the horizon and independent of each other.
+
+    All together they cost as much as one picture.
+    """
+    chosen = np.linspace(0, lights - 1, rows).round().astype(int).tolist()
+    order = np.random.default_rng(0).permutation(rows).tolist()
+    return list(zip(chosen, order, strict=True))
 
 
 def energy_and_noise(values: np.ndarray, again: np.ndarray) -> np.ndarray:
-    """(2,) float64: the energy of a picture, and that of its noise, from a second picture."""
+    """(2,) float64: the energy of samples, and that of their noise, from others of another seed."""
     energy = np.square(values, dtype=np.float64).sum()
     noise = np.square(values - again, dtype=np.float64).sum() / 2
     return np.array([energy, noise])
@@ -36,23 +37,18 @@ def noise_floor_db(found: Iterable[np.ndarray]) -> float | None:
     return round(10 * math.log10(energy / noise), 2)
 
 
-def samples_for(target_db: float, render: Callable[[int, int, int], np.ndarray]) -> int:
+def samples_for(target_db: float, noise: Callable[[int], float | None]) -> int:
     """The fewest samples a texel, about, whose noise floor is at least `target_db`.
 
-    `render(light, samples, seed)` gives a picture of trial light 0 or 1. Noise falls by 3 dB or
-    more whenever samples double, so each trial says how many to try next.
+    `noise(samples)` is the noise floor with so many. Noise falls by 3 dB or more whenever samples
+    double, so each trial says how many to try next.
     """
-    samples, best = FEWEST, MOST
+    samples = FEWEST
     while samples < MOST:
-        found = [
-            energy_and_noise(render(light, samples, 0), render(light, samples, 1))
-            for light in range(TRIAL_LIGHTS)
-        ]
-        floor = noise_floor_db(found)
+        floor = noise(samples)
         if floor is None or floor >= target_db:
-            best = samples
             break
         # No further than to four times as many: the estimate is rough.
         lacking = min(max(target_db - floor, 0.5), 6.0)
         samples = min(MOST, math.ceil(samples * 10 ** (lacking / 10)))
-    return best
+    return samples
