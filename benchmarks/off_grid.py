@@ -1,0 +1,133 @@
+"""Compressed measurements against Cycles on the real geometry, at directions off the grid.
+
+    python -m benchmarks.off_grid FOLDER PICTURE
+
+FOLDER holds NAME.nacre and NAME.exr, measured and compressed, of each scene of samples/ (its
+docstring says how); PICTURE is written. For eight pairs of light and view between the measured ones,
+the patch as Cycles renders it with many samples, as the model has it, and their FLIP error. Printed
+are PSNR and FLIP of the model, and of the uncompressed dataset interpolated by a thin-plate spline:
+what is lost between the measured directions, not by compression.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+from pathlib import Path
+
+import bpy
+import flip_evaluator
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from addon.datasets.dataset import open_dataset
+from addon.datasets.directions import spherical_to_unit
+from addon.measure.cycles import add_light, aim, render
+from addon.measure.instrument import new_instrument
+from addon.measure.patch import open_patch
+from addon.models.exr import load_model
+from addon.models.interpolation import thin_plate_weights
+from addon.models.resample import resample
+
+from ._report import table
+
+ROOT = Path(__file__).resolve().parents[1]
+SCENES = {"woven_hair": "Weave", "displaced_voronoi": "Scales", "translucent_wax": "Wax"}
+SAMPLES = 256
+ZOOM = 2
+# (theta, phi) in degrees: between the rings of the 81 directions, and between their neighbours.
+LIGHTS = [(7, 30), (22, 75), (38, 200), (52, 310), (66, 40), (37, 130), (52, 170), (24, 260)]
+VIEWS = [(22, 200), (38, 310), (7, 100), (37, 55), (22, 280), (66, 250), (53, 20), (67, 150)]
+
+Pixels = NDArray[np.float32]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.off_grid", description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("picture", type=Path)
+    parser.add_argument("--samples", type=int, default=SAMPLES, help="of Cycles")
+    options = parser.parse_args()
+    light, view = (spherical_to_unit(*zip(*pairs, strict=True)) for pairs in (LIGHTS, VIEWS))
+    strips = []
+    for scene, name in SCENES.items():
+        if not (options.folder / f"{scene}.exr").is_file():
+            continue
+        dataset = open_dataset(options.folder / f"{scene}.nacre")
+        model = load_model(options.folder / f"{scene}.exr")
+        truth = [srgb(p) for p in in_cycles(scene, dataset, light, view, options.samples)]
+        decoded = resample(model, light, view).decode()
+        seen = [srgb(decoded[i, i]) for i in range(len(light))]
+        between = [srgb(p) for p in interpolated(dataset, light, view)]
+        of_model, of_samples = ([score(a, b) for a, b in zip(truth, s, strict=True)]
+                                for s in (seen, between))  # fmt: skip
+        rows = [["light", *(f"{t},{p}" for t, p in LIGHTS), "mean"]]
+        rows.append(["view", *(f"{t},{p}" for t, p in VIEWS), ""])
+        for label, found in (("model", of_model), ("dataset", of_samples)):
+            for measure, form in (("PSNR", "{:.1f}"), ("FLIP", "{:.3f}")):
+                values = [one[measure] for one in found]
+                cells = [form.format(value) for value in [*values, np.mean(values)]]
+                rows.append([f"{label}, {measure}", *cells])
+        fit = model.fit["snr_db"]
+        size = (options.folder / f"{scene}.exr").stat().st_size
+        print(f"\n{name}: {dataset.raw_bytes / 1e6:.0f} MB of samples in {size / 1e6:.2f} MB, "
+              f"SNR {fit:.1f} dB on the grid, noise floor {dataset.noise_floor_db} dB")  # fmt: skip
+        print(table(rows))
+        strips += [truth, seen, [one["map"] for one in of_model]]
+    picture = np.concatenate([np.concatenate(strip, 1) for strip in strips], 0)
+    size = picture.shape[1] * ZOOM, picture.shape[0] * ZOOM
+    image = Image.fromarray(np.round(picture * 255).astype(np.uint8))
+    image.resize(size, Image.Resampling.NEAREST).save(options.picture)
+
+
+def in_cycles(scene_name: str, dataset, light, view, samples: int) -> list[Pixels]:
+    """The patch (y, x, 3), linear, for each pair of light and view, without the dataset's noise."""
+    path = ROOT / "samples" / f"{scene_name}.py"
+    spec = importlib.util.spec_from_file_location(scene_name, path)
+    module = importlib.util.module_from_spec(spec)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    spec.loader.exec_module(module)
+    item = module.build()
+    if isinstance(item, bpy.types.Object):
+        bpy.context.scene.collection.objects.link(item)
+        bpy.context.view_layer.update()
+    texels = dataset.shape[3], dataset.shape[2]
+    bounces = dataset.source["measurement"]["bounces"]
+    found = []
+    with open_patch(item, dataset.patch_size) as patch:
+        for one_light, one_view in zip(light, view, strict=True):
+            directions = one_view[None], one_light[None]
+            with new_instrument(patch, *directions, texels, samples, bounces) as (scene, tiles):
+                aim(add_light(scene), one_light)
+                # Other seeds than the dataset's: it is not to share the noise.
+                found.append(tiles.split(render(scene, 2**20)["Combined"])[0, ..., :3])
+    return found
+
+
+def interpolated(dataset, light, view) -> list[Pixels]:
+    """The samples (y, x, 3) at each pair of light and view."""
+    of_light = thin_plate_weights(dataset.light, light).astype(np.float32)
+    of_view = thin_plate_weights(dataset.view, view).astype(np.float32)
+    lit = np.zeros((len(light), *dataset.shape[1:]), np.float32)
+    for number, samples in enumerate(dataset.samples):
+        lit += of_light[:, number, None, None, None, None] * np.asarray(samples, np.float32)
+    return [np.tensordot(of_view[i], lit[i], 1) for i in range(len(light))]
+
+
+def srgb(linear: Pixels) -> Pixels:
+    """As shown: sRGB in [0, 1], top row first."""
+    value = np.clip(linear[::-1], 0.0, 1.0)
+    return np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
+
+
+def score(truth: Pixels, seen: Pixels) -> dict:
+    """PSNR in dB of sRGB values, the mean FLIP error, and its map in colours."""
+    reference, test = (np.ascontiguousarray(p, np.float32) for p in (truth, seen))
+    colours, mean, _ = flip_evaluator.evaluate(reference, test, "LDR")
+    psnr = -10 * np.log10(np.square(reference - test).mean())
+    return {"PSNR": psnr, "FLIP": mean, "map": colours}
+
+
+if __name__ == "__main__":
+    main()
