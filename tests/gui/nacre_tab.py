@@ -115,6 +115,7 @@ def story() -> Iterator[Wait]:
     """What the user does; each yield waits for seconds, or until something is true."""
     yield from end_early()
     yield from set_up()
+    yield from measure()
     yield from refuse_a_damaged_file()
     yield from cancel_an_import()
     yield from import_by_file_browser()
@@ -183,6 +184,51 @@ def set_up() -> Iterator[Wait]:
 
 def sidebar() -> bpy.types.Region:
     return next(region for region in viewport()["area"].regions if region.type == "UI")
+
+
+def measure() -> Iterator[Wait]:
+    """A plane measured by a second Blender: stopped, gone on with, undone."""
+    from bl_ext.user_default.nacre.measure.unfinished import count_finished
+
+    output = FOLDER / "sample" / "plane.nacre"
+    before = everything()
+    chosen = settings().measurement
+    chosen.object, chosen.output = bpy.data.objects["Sphere"], str(output)
+    chosen.texels, chosen.samples = 32, 64
+    chosen.views = chosen.lights = "uniform"
+    chosen.view_count, chosen.light_count = 16, 8
+    bpy.ops.ed.undo_push(message="Measurement")
+    started = time.monotonic()
+    call(bpy.ops.nacre.measure)
+    yield lambda: count_finished(output) > 0 or job() is None
+    yield 0.3
+    picture("10-measuring")
+    check("the measurement runs on a thread", job() is not None)
+    call(bpy.ops.nacre.cancel)
+    yield lambda: job() is None
+    yield 0.5
+    kept = count_finished(output)
+    check("cancelling keeps the finished pictures", 0 < kept < 8 and not output.exists())
+    check("cancelling leaves the scene as it was", everything() == before)
+    picture("11-unfinished")
+    call(bpy.ops.nacre.measure)
+    yield lambda: settings().dataset != "" or job() is None
+    report["seconds"]["measure"] = round(time.monotonic() - started, 1)
+    yield 0.3
+    check("the measurement becomes the dataset", settings().dataset == str(output))
+    check("the panel knows the measurement", "8 lights" in settings().dataset_facts)
+    check("nothing unfinished is left", leftovers() == [output.name])
+    check("measuring leaves the scene as it was", everything() == before)
+    undo()
+    yield 0.3
+    check("undo takes the measurement back", settings().dataset == "")
+    shutil.rmtree(output)
+
+
+def everything() -> list[str]:
+    """The names of all that the file holds."""
+    kinds = ("scenes", "objects", "meshes", "lights", "cameras", "worlds", "collections")
+    return sorted(f"{kind}/{item.name}" for kind in kinds for item in getattr(bpy.data, kind))
 
 
 def refuse_a_damaged_file() -> Iterator[Wait]:
