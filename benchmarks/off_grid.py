@@ -43,9 +43,9 @@ ROOT = Path(__file__).resolve().parents[1]
 # Of each scene: its name for people, the patch's size in metres, None for the object's own, and how
 # it is measured.
 SCENES = {
-    "woven_hair": ("Weave", (0.012, 0.012), Settings(64, 12, bounces=3)),
+    "woven_hair": ("Weave", (0.012, 0.012), Settings(64, 8, bounces=3)),
     "displaced_voronoi": ("Scales", (0.02, 0.02), Settings(64, 16, bounces=3)),
-    "translucent_wax": ("Wax", None, Settings(64, 16, bounces=4)),
+    "translucent_wax": ("Wax", None, Settings(64, 8, bounces=4)),
 }
 METHOD, QUALITY = "mkcta", "HIGH"
 SAMPLES = 256

@@ -92,7 +92,7 @@ def test_mistakes_in_one_line(tmp_path, chosen):
         Request(restart=True),
     ],
 )
-def test_the_second_blender_is_asked_for_the_same(monkeypatch, asked):
+def test_the_second_blender_is_asked_for_the_same(tmp_path, monkeypatch, asked):
     """The arguments that a request gives are parsed back to it."""
     seen = []
 
@@ -100,6 +100,8 @@ def test_the_second_blender_is_asked_for_the_same(monkeypatch, asked):
         seen.append(request)
         raise KeyboardInterrupt
 
+    (tmp_path / "a.csv").write_text("theta,phi\n0,0\n")
+    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(request_module, "measure", measure)
     monkeypatch.setattr(scene_file, "open_scene", lambda path: "")
     monkeypatch.setattr(scene_file, "find_item", lambda kind, name: None)
