@@ -162,9 +162,8 @@ def test_a_file_that_cannot_be_read_is_one_clear_error(tmp_path, file, says):
 def test_matrices_that_do_not_fit_are_refused(tmp_path, make, says, transposed):
     file = make(transposed=transposed)
     data = bytearray(file.to_bytes())
-    # A scalar size and three counts lie before the first factor's ones; a file for more texels.
-    at = bytes(data).index(np.ones(4, "<f4").tobytes()) - 12
-    if says == "no components":
+    if says == "no components":  # three counts lie before the singular values, which are ones
+        at = bytes(data).index(np.ones(4, "<f4").tobytes()) - 12
         data[at : at + 4] = bytes(4)
     else:
         position = bytes(data).index(file.size())

@@ -1,6 +1,6 @@
 """Files of the decorrelated full matrix factorisation."""
 
-from tests.datasets.btf_writer import BtfFile
+from btf_writer import BtfFile
 
 READER = "btf"
 SUFFIX = ".btf"

@@ -5,6 +5,7 @@ anything else, warns, takes memory that the file does not need, or hangs.
 """
 
 import signal
+import sys
 import tempfile
 import threading
 import tracemalloc
@@ -22,6 +23,8 @@ from addon.errors import NacreError
 
 HERE = Path(__file__).resolve().parent
 CORPUS = HERE / "corpus"
+# Targets make their seeds with the writers that lie beside the readers' tests.
+sys.path.insert(0, str(HERE.parent / "datasets"))
 _OWN = {"harness", "mutations", "test_fuzz", "__init__", "__main__"}
 TARGETS = sorted(path.stem for path in HERE.glob("*.py") if path.stem not in _OWN)
 
