@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from ..errors import Cancelled, NacreError
-from . import btf, masks, ubo2003
+from . import btf, masks, merl, rgl, ubo2003, utia_brdf
 from .dataset import DESCRIPTION, Dataset, DatasetWriter, HalfOverflowError, open_dataset
 from .options import Options
 from .source import Source
 
 # A reader is a module with FORMAT, EXTENSIONS, matches(path) -> bool, which looks at the content,
 # OPTIONS, the names of those Options that it takes, and open_source(path, options) -> Source.
-READERS = {reader.FORMAT: reader for reader in (btf, ubo2003, masks)}
+READERS = {reader.FORMAT: reader for reader in (btf, ubo2003, masks, rgl, merl, utia_brdf)}
 
 Progress = Callable[[float, str], bool]
 
