@@ -24,9 +24,9 @@ import numpy as np
 
 from ..errors import NacreError
 from .bilinear import Warp, blend, interpolate
+from .colour import spectrum_to_rec709
 from .options import Options
 from .source import Source
-from .spectra import spectrum_to_rgb
 from .tensor_file import MAGIC, Field, TensorFile, open_tensor_file
 from .uniform_brdf import OPTIONS as OPTIONS
 from .uniform_brdf import Evaluate, elevation, half_difference, uniform_source
@@ -66,8 +66,9 @@ def _load(brdf: "_Adaptive | _Polarised") -> Evaluate:
 
 def _colours(wavelengths: np.ndarray) -> list[str]:
     return [
-        f"{len(wavelengths)} wavelengths from {wavelengths[0]:g} to {wavelengths[-1]:g} nm to "
-        "linear Rec.709, CIE 1931, D65"
+        f"spectra of {len(wavelengths)} bands from {wavelengths[0]:g} to {wavelengths[-1]:g} nm, "
+        "seen under D65 by the CIE 1931 observer, to Rec.709; white, a flat spectrum of 1, is "
+        "(1, 1, 1)"
     ]
 
 
@@ -115,7 +116,9 @@ class _Adaptive:
 
     def to_rgb(self) -> np.ndarray:
         """What makes red, green and blue of the channels (3, channels)."""
-        return np.eye(3) if self.wavelengths is None else spectrum_to_rgb(self.wavelengths)
+        return (
+            np.eye(3) if self.wavelengths is None else spectrum_to_rec709(self.wavelengths.tolist())
+        )
 
     def evaluator(self, mixing: np.ndarray) -> Evaluate:
         """Of the channels mixed by (n, channels)."""
@@ -239,7 +242,7 @@ class _Polarised:
         return {"brdf": "isotropic, polarimetric", "M": list(self.mueller.shape)}
 
     def to_rgb(self) -> np.ndarray:
-        return spectrum_to_rgb(self.wavelengths)
+        return spectrum_to_rec709(self.wavelengths.tolist())
 
     def evaluator(self, mixing: np.ndarray) -> Evaluate:
         # Mapped: files are of a gigabyte, and few of its numbers are wanted.

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import NacreError
 from . import uniform_brdf
+from .colour import srgb_to_linear
 from .options import Options
 from .source import Source
 from .uniform_brdf import Evaluate, uniform_source
@@ -81,7 +82,7 @@ def open_source(path: Path, options: Options) -> Source:
         size,
         conversions,
         {"measured": [288, 288]},
-        lambda: _evaluator(_decoded(np.maximum(stored, 0.0), gamma) / white),
+        lambda: _evaluator(_decoded(stored, gamma) / white),
     )
 
 
@@ -94,9 +95,10 @@ def _is_plausible(values: np.ndarray) -> bool:
 
 
 def _decoded(values: np.ndarray, gamma: float | str) -> np.ndarray:
-    if gamma == "srgb":  # IEC 61966-2-1
-        return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-    return values ** float(gamma)
+    """Linear values; those below 0 are 0."""
+    if gamma == "srgb":
+        return srgb_to_linear(values)
+    return np.maximum(values, 0.0) ** float(gamma)
 
 
 def _evaluator(table: np.ndarray) -> Evaluate:

@@ -8,9 +8,9 @@ import pytest
 from brdf_files import PolarisedFile, RglFile, tensor_file
 
 from addon.datasets import rgl
+from addon.datasets.colour import spectrum_to_rec709
 from addon.datasets.importing import describe_source, detect_format, import_dataset
 from addon.datasets.options import Options
-from addon.datasets.spectra import spectrum_to_rgb
 from addon.errors import NacreError
 
 VALUES = Path(__file__).parents[1] / "fixtures" / "datasets" / "brdf_values.json"
@@ -68,7 +68,7 @@ def test_values_are_mitsubas(name, mitsuba, tmp_path, csv):
     ours = samples(write(tmp_path, file), lights=lights, views=views)
     theirs = np.pi * np.array(mitsuba["files"][name])
     if file.wavelengths:
-        theirs = theirs @ spectrum_to_rgb(np.array(file.wavelengths, float)).T
+        theirs = theirs @ spectrum_to_rec709(np.array(file.wavelengths, float)).T
     assert (theirs > 0).any(-1).all()
     # Mitsuba computes in single precision.
     scale = np.abs(theirs).max(-1, keepdims=True)
@@ -147,7 +147,8 @@ def test_importing(tmp_path):
     assert dataset.shape == (5, 151, 1, 1, 3)
     assert dataset.patch_size == (0.2, 0.2)
     assert dataset.source["conversions"] == [
-        "6 wavelengths from 400 to 700 nm to linear Rec.709, CIE 1931, D65",
+        "spectra of 6 bands from 400 to 700 nm, seen under D65 by the CIE 1931 observer, to "
+        "Rec.709; white, a flat spectrum of 1, is (1, 1, 1)",
         "f_r cos(theta_light) multiplied by pi; theta_i and phi_i taken as the view",
         "sampled at 5 lights (uniform:5) and 151 views (ubo151)",
         "a uniform BRDF has no scale: patch taken as 0.2 m wide, as asked",
@@ -233,12 +234,3 @@ def test_tables_with_what_is_no_density_are_refused(name, value, tmp_path):
     with pytest.raises(NacreError, match=f"a.bsdf is damaged: the field {name} holds negative"):
         import_dataset(path, tmp_path / "a.nacre")
     assert [item.name for item in tmp_path.iterdir()] == ["a.bsdf"]
-
-
-def test_spectra_to_colours():
-    nm = np.arange(380.0, 781.0, 10.0)
-    weights = spectrum_to_rgb(nm)
-    assert np.allclose(weights.sum(1), 1.0)
-    assert np.allclose(spectrum_to_rgb(nm[::5]).sum(1), 1.0)
-    red, green, blue = (weights @ (abs(nm - centre) < 30) for centre in (650, 530, 450))
-    assert red.argmax() == 0 and green.argmax() == 1 and blue.argmax() == 2

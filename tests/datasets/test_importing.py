@@ -101,7 +101,7 @@ def test_formats_are_found_and_named(source, tmp_path):
     with pytest.raises(NacreError, match=f"there is no format cloth: choose from {known}"):
         import_dataset(source, tmp_path / "b.nacre", format="cloth")
     other = next(other for other in READERS if other != name)
-    with pytest.raises(NacreError, match="is not a"):
+    with pytest.raises(NacreError, match="is not a|holds no"):
         import_dataset(source, tmp_path / "b.nacre", format=other)
     with pytest.raises(NacreError, match="cosine must be 0 or 1"):
         import_dataset(source, tmp_path / "b.nacre", cosine=2)
@@ -117,9 +117,8 @@ def test_a_source_that_is_absent_or_unknown(tmp_path):
         for format in (None, "btf", "ubo2003"):
             with pytest.raises(NacreError, match="there is no file"):
                 import_dataset(tmp_path / name, tmp_path / "a.nacre", format=format)
-    known = ", ".join(READERS)
     for name in ("cloth.png", "empty"):
-        with pytest.raises(NacreError, match=rf"is of no known format \({known}\)"):
+        with pytest.raises(NacreError, match="is of no known format"):
             import_dataset(tmp_path / name, tmp_path / "a.nacre")
     (tmp_path / "folder.btf").mkdir()
     with pytest.raises(NacreError, match="cannot read .*: Is a directory"):
