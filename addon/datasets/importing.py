@@ -104,8 +104,9 @@ def _write(
     _report(progress, 0.0, message)
     writer = DatasetWriter(destination, source.description(), source.shape, dtype)
     with writer, closing(source.blocks()) as blocks:
+        write = writer.write_texels if source.by_texel else writer.write
         for block in blocks:
-            writer.write(block)
+            write(block)
             _report(progress, writer.fraction, message)
 
 

@@ -27,6 +27,8 @@ class Source:
     kind's axes, `dtype` is what the values deserve, `conversions` what was done or assumed to get
     to Nacre's conventions, `details` what only this format knows. `blocks()` starts reading: it
     yields C-order contiguous pieces of the samples, one after the other, and raises NacreError.
+    Where `by_texel`, the pieces are (light, view, texel, channel) of consecutive texels, as files
+    that are stored texel by texel give them.
     """
 
     path: Path
@@ -41,6 +43,7 @@ class Source:
     bytes: int
     blocks: Callable[[], Generator[np.ndarray]]
     kind: str = "btf"
+    by_texel: bool = False
 
     def description(self) -> dict[str, Any]:
         """The content of dataset.json.

@@ -1,0 +1,50 @@
+"""The decoded channels of a file to red, green and blue."""
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+
+from ...errors import NacreError
+
+ToRgb = Callable[[np.ndarray], np.ndarray]
+
+_WAVELENGTH = re.compile(r"(\d+(?:\.\d+)?)(?:\s*nm)?", re.IGNORECASE)
+
+
+def rgb_of(names: list[str], file: str) -> tuple[ToRgb, list[str]]:
+    """A function from (channel, ...) to (3, ...), and what to record of it.
+
+    Channels are named for red, green and blue, or by their wavelengths in nanometres. Raises
+    NacreError for any others.
+    """
+    initials = [name[:1].upper() for name in names]
+    if initials == ["R", "G", "B"]:
+        return (lambda planes: planes), []
+    if sorted(initials) == ["B", "G", "R"]:
+        order = [initials.index(initial) for initial in "RGB"]
+        return (lambda planes: planes[order]), []
+    wavelengths = [_WAVELENGTH.fullmatch(name) for name in names]
+    if not all(wavelengths):
+        shown = ", ".join(names[:4]) + (f", ... ({len(names)})" if len(names) > 4 else "")
+        raise NacreError(
+            f"{file} has the channels {shown}; expected red, green and blue, or wavelengths in "
+            "nanometres"
+        )
+    nanometres = np.array([float(match[1]) for match in wavelengths if match])
+    weights = _spectral_weights(nanometres, file)
+
+    def weighted(planes: np.ndarray) -> np.ndarray:
+        return np.tensordot(weights, planes.astype(np.float32, copy=False), 1)
+
+    return weighted, [
+        f"{len(nanometres)} wavelengths from {nanometres.min():g} to {nanometres.max():g} nm "
+        "integrated to linear RGB"
+    ]
+
+
+def _spectral_weights(nanometres: np.ndarray, file: str) -> np.ndarray:
+    """Weights (3, channel) float32 of linear Rec.709, those of a white diffuser adding up to 1."""
+    raise NacreError(
+        f"{file} has {len(nanometres)} channels by wavelength, which is not supported yet"
+    )
