@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from ..errors import Cancelled, NacreError
-from . import btf, masks, ubo2003
+from . import btf, listed_images, masks, merl, rgl, spectral, ubo2003, utia, utia_brdf
 from .dataset import DESCRIPTION, Dataset, DatasetWriter, HalfOverflowError, open_dataset
 from .options import Options
 from .source import Source
 
+# Where several know a file the first reads it: UBO2003 takes any named images.
 # A reader is a module with FORMAT, EXTENSIONS, matches(path) -> bool, which looks at the content,
 # OPTIONS, the names of those Options that it takes, and open_source(path, options) -> Source.
-READERS = {reader.FORMAT: reader for reader in (btf, ubo2003, masks)}
+_READERS = (btf, utia, spectral, ubo2003, listed_images, masks, rgl, merl, utia_brdf)
+READERS = {reader.FORMAT: reader for reader in _READERS}
 
 Progress = Callable[[float, str], bool]
 
@@ -75,10 +77,12 @@ def import_dataset(
 
 
 def _open_source(source: str | Path, format: str | None, options: Options) -> Source:
-    if options.cosine not in (None, 0, 1):
-        raise NacreError(f"cosine must be 0 or 1, not {options.cosine}")
-    if format is None and options.directions is not None and os.path.isdir(source):
-        format = masks.FORMAT  # a folder of images is anything that its user says
+    if format is None and options.directions is not None:
+        # A folder of images is anything that its user says.
+        if listed_images.matches(Path(options.directions)):
+            format = listed_images.FORMAT
+        elif os.path.isdir(source):
+            format = masks.FORMAT
     if format is None:
         format = detect_format(source)
     elif format not in READERS:

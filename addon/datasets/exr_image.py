@@ -1,0 +1,104 @@
+"""OpenEXR pictures: colours, or spectra with one channel for each wavelength."""
+
+import io
+import re
+from typing import Any
+
+import numpy as np
+
+from ..errors import NacreError
+from ..openexr import quiet
+from .image_size import check_claim
+
+MAGIC = b"\x76\x2f\x31\x01"
+
+# 550, 550nm, w550nm, T.550,0nm or wavelength_550.5: in nm, within what any camera sees.
+_WAVELENGTH = re.compile(r"(?:[A-Za-z]\w*[._ ])?[A-Za-z_ ]*(\d+(?:[.,]\d+)?) *(?:nm)?", re.ASCII)
+_SHORTEST, _LONGEST = 200.0, 3000.0
+# With fewer there is no spectrum to speak of.
+_FEWEST_BANDS = 3
+
+
+def bands(data: bytes, name: str) -> str | tuple[float, ...]:
+    """What the channels are ("RGB", "XYZ" or ascending wavelengths in nm), from the header alone.
+
+    Raises NacreError like `read`.
+    """
+    return _channels(_header(data, name), name)[0]
+
+
+def read(data: bytes, name: str) -> tuple[np.ndarray, str | tuple[float, ...]]:
+    """Pixels (row, column, channel) float16 or float32, top row first, and what the channels are.
+
+    Raises NacreError for a damaged or cut file, for other parts and channels than one of colours or
+    a spectrum, and when the package OpenEXR is missing.
+    """
+    header = _header(data, name)
+    found, channels = _channels(header, name)
+    (part,) = _parts(data, name, header_only=False)
+    if part is None:  # so the library says that some pixels are missing
+        raise NacreError(f"{name} is damaged or cut short")
+    planes = [part.channels[channel].pixels for channel in channels]
+    if any(plane.dtype.kind != "f" for plane in planes):
+        raise NacreError(f"{name} has whole numbers as pixels; half or single floats are expected")
+    return np.stack(planes, axis=-1), found
+
+
+def _header(data: bytes, name: str) -> dict[str, Any]:
+    """The only part's header, once what it claims has been found believable."""
+    parts = _parts(data, name, header_only=True)
+    if len(parts) != 1:
+        raise NacreError(f"{name} has {len(parts)} parts; a picture of one is expected")
+    header = parts[0].header
+    (left, bottom), (right, top) = (corner.tolist() for corner in header["dataWindow"])
+    width, height = right - left + 1, top - bottom + 1
+    channels = header["channels"]
+    check_claim(name, width, height, 4 * len(channels), len(data))
+    if any(channel.xSampling != 1 or channel.ySampling != 1 for channel in channels):
+        raise NacreError(f"{name} has subsampled channels")
+    shown = [corner.tolist() for corner in header["displayWindow"]]
+    if shown != [[left, bottom], [right, top]]:
+        raise NacreError(
+            f"{name} is a crop of a larger picture: its data and display windows differ"
+        )
+    return header
+
+
+def _parts(data: bytes, name: str, header_only: bool) -> list[Any]:
+    try:
+        import OpenEXR
+    except ImportError as error:
+        raise NacreError("reading .exr needs the Python package OpenEXR: install it") from error
+    try:
+        with quiet():
+            return OpenEXR.File(
+                io.BytesIO(data), separate_channels=True, header_only=header_only, num_threads=0
+            ).parts
+    except Exception as error:  # the library's, and those of Python's wrapping of it
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise NacreError(f"{name} cannot be read as an OpenEXR picture: {reason}") from error
+
+
+def _channels(header: dict[str, Any], name: str) -> tuple[str | tuple[float, ...], list[str]]:
+    """What the channels are, and their names in that order."""
+    names = [channel.name for channel in header["channels"]]
+    spectrum = []
+    for channel in names:
+        found = _WAVELENGTH.fullmatch(channel)
+        if found and _SHORTEST <= (nm := float(found[1].replace(",", "."))) <= _LONGEST:
+            spectrum.append((nm, channel))
+    if len(spectrum) >= _FEWEST_BANDS:
+        spectrum.sort()
+        wavelengths = tuple(nm for nm, _ in spectrum)
+        if len(set(wavelengths)) < len(wavelengths):
+            raise NacreError(f"{name} has several channels of one wavelength")
+        return wavelengths, [channel for _, channel in spectrum]
+    for colours in ("RGB", "XYZ"):
+        if set(colours) <= set(names):
+            return colours, list(colours)
+    if names == ["Y"]:
+        return "RGB", ["Y", "Y", "Y"]
+    listed = ", ".join(names[:5]) + ("..." if len(names) > 5 else "")
+    raise NacreError(
+        f"{name} has the channels {listed}; expected R, G, B or X, Y, Z or wavelengths"
+    )
