@@ -10,6 +10,7 @@ from bonn_files import BdiFile, FmfFile, PvfFile
 from btf_writer import BtfFile
 
 from addon.datasets.bonn import bdi, contents
+from addon.datasets.colour import spectrum_to_rec709
 from addon.datasets.dataset import DatasetWriter
 from addon.datasets.importing import describe_source, import_dataset
 from addon.errors import NacreError
@@ -259,3 +260,50 @@ def test_texels_may_be_written_before_images(tmp_path):
             assert writer.fraction == pytest.approx(last / 20)
     written = np.load(tmp_path / "a.nacre" / "samples.npy")
     np.testing.assert_array_equal(written, samples)
+
+
+NANOMETRES = (450, 400, 550, 500, 650, 600, 700)
+SPECTRUM = {
+    "version": 4,
+    "channel_names": (b"450nm", *(str(nm).encode() for nm in NANOMETRES[1:])),
+}
+
+
+def to_rgb(spectra):
+    """Linear RGB of spectra (..., channel), by the table of the colours of all wavelengths."""
+    order = np.argsort(NANOMETRES)
+    return spectra[..., order] @ spectrum_to_rec709(sorted(NANOMETRES)).T
+
+
+@pytest.mark.parametrize(
+    "file",
+    [
+        *(
+            BtfFile(colour_model=model, scalars=(4,) * 7, components=(2,) * 7, **SPECTRUM)
+            for model in (0, 5, 6, 12)
+        ),
+        FmfFile(**SPECTRUM),
+        PvfFile(**SPECTRUM),
+        BdiFile(compression=0, cosine_flag=0, **SPECTRUM),
+    ],
+    ids=lambda file: f"{type(file).__name__}{file.colour_model}",
+)
+def test_wavelengths_become_colours(tmp_path, file):
+    dataset = imported(tmp_path, file)
+    expected = to_rgb(file.expected(times_cosine=file.cosine_flag == 0))
+    rtol, atol = (1e-3, 1e-3) if isinstance(file, BdiFile) else (1e-4, 1e-5)
+    np.testing.assert_allclose(dataset.samples, expected, rtol=rtol, atol=atol)
+    recorded = dataset.source["conversions"]
+    assert "7 wavelengths from 400 to 700 nm to linear Rec.709 under D65" in recorded
+    assert dataset.channels == ("R", "G", "B")
+
+
+def test_a_spectrum_of_one_is_white(tmp_path):
+    file = BdiFile(**SPECTRUM)
+    file.samples = lambda: np.ones((4, 5, 2, 3, 7), np.float16)
+    np.testing.assert_allclose(imported(tmp_path, file).samples, 1.0, atol=1e-3)
+
+
+def test_a_wavelength_may_not_come_twice(tmp_path):
+    names = (b"400", b"500", b"400 nm")
+    assert_refused(tmp_path, FmfFile(version=4, channel_names=names), "several channels of one")

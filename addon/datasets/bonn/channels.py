@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...errors import NacreError
+from ..colour import spectrum_to_rec709
 
 ToRgb = Callable[[np.ndarray], np.ndarray]
 
@@ -32,19 +33,16 @@ def rgb_of(names: list[str], file: str) -> tuple[ToRgb, list[str]]:
             "nanometres"
         )
     nanometres = np.array([float(match[1]) for match in wavelengths if match])
-    weights = _spectral_weights(nanometres, file)
+    order = np.argsort(nanometres)
+    if (np.diff(nanometres[order]) == 0).any():
+        raise NacreError(f"{file} has several channels of one wavelength")
+    weights = np.empty((3, len(names)), np.float32)
+    weights[:, order] = spectrum_to_rec709(nanometres[order].tolist())
 
     def weighted(planes: np.ndarray) -> np.ndarray:
         return np.tensordot(weights, planes.astype(np.float32, copy=False), 1)
 
     return weighted, [
-        f"{len(nanometres)} wavelengths from {nanometres.min():g} to {nanometres.max():g} nm "
-        "integrated to linear RGB"
+        f"{len(names)} wavelengths from {nanometres.min():g} to {nanometres.max():g} nm to linear "
+        "Rec.709 under D65"
     ]
-
-
-def _spectral_weights(nanometres: np.ndarray, file: str) -> np.ndarray:
-    """Weights (3, channel) float32 of linear Rec.709, those of a white diffuser adding up to 1."""
-    raise NacreError(
-        f"{file} has {len(nanometres)} channels by wavelength, which is not supported yet"
-    )
