@@ -181,3 +181,24 @@ def test_where_it_cannot_be_written(tmp_path, dataset):
         with pytest.raises(NacreError, match="cannot write"):
             write_btf(dataset, path)
     assert sorted(os.listdir(tmp_path)) == ["a.nacre", "folder"]
+
+
+@pytest.mark.acceptance
+@pytest.mark.parametrize("colour_model", [0, 11])
+def test_an_independent_reader_reads_it(tmp_path, colour_model):
+    """btf-extractor (Python 3.11; see fixtures/datasets/make_independent_values.py)."""
+    extractor = pytest.importorskip("btf_extractor", reason="btf-extractor is not installed")
+    # It takes as many lights as views, and their directions to be the same.
+    samples = 0.3 * smooth((7, 7, 5, 8, 3))
+    directions = uniform(7).tolist()
+    dataset = make_dataset(tmp_path / "a.nacre", samples, light=directions, view=directions)
+    write_btf(dataset, tmp_path / "a.btf", components=20, colour_model=colour_model)
+    back = import_dataset(tmp_path / "a.btf", tmp_path / "b.nacre")
+    independent = extractor.Ubo2014(str(tmp_path / "a.btf"))
+    for light, view in ((0, 0), (3, 5), (6, 2)):
+        image = independent._angleindex_to_image_unsafe(light, view)
+        # Its images are BGR, top row first; it clamps the model 11, and is 3e-5 off there.
+        ours = np.asarray(back.samples[light, view], np.float32)
+        expected = ours.clip(0, 1) if colour_model == 11 else ours
+        np.testing.assert_allclose(image[::-1, :, ::-1], expected, rtol=2e-3, atol=1e-4)
+    assert len(independent.angles_set) == 49
