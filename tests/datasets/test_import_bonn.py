@@ -110,7 +110,7 @@ def test_bdi_in_small_pieces(tmp_path, compression, monkeypatch):
     file = BdiFile(compression=compression, mask=MASK, rotations=np.ones((1, 3, 3)), cosine_flag=0)
     texel = len(file.light) * len(file.view) * 3 * 2
     for texels in (1, 2, 5, 7, 15):
-        monkeypatch.setattr(bdi, "BLOCK_BYTES", texels * texel // 2)
+        monkeypatch.setattr(bdi, "BLOCK_BYTES", -(-texels * texel * 2 // 3))
         dataset = imported(tmp_path, file)
         np.testing.assert_allclose(
             dataset.samples, file.expected(times_cosine=True), rtol=1e-3, atol=1e-7
