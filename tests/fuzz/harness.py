@@ -4,6 +4,9 @@ Whatever the bytes, a reader gives blocks or raises NacreError with one line. It
 anything else, warns, takes memory that the file does not need, or hangs.
 """
 
+import atexit
+import functools
+import shutil
 import signal
 import sys
 import tempfile
@@ -58,10 +61,10 @@ def read(reader: str, suffix: str, data: bytes) -> str | None:
     Raises AssertionError for too much memory and for an error that is not one line, and whatever
     the reader raises besides NacreError.
     """
-    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+    path = _folder() / f"input{suffix}"
+    path.write_bytes(data)
+    with warnings.catch_warnings():
         warnings.simplefilter("error")
-        path = Path(folder) / f"input{suffix}"
-        path.write_bytes(data)
         tracemalloc.start()
         try:
             _read(reader, path)
@@ -74,6 +77,14 @@ def read(reader: str, suffix: str, data: bytes) -> str | None:
             peak = tracemalloc.get_traced_memory()[1]
             tracemalloc.stop()
             assert peak < _MEMORY + _MEMORY_PER_BYTE * len(data), f"{peak} bytes of memory"
+
+
+@functools.cache
+def _folder() -> Path:
+    """One for all inputs: making folders takes longer than reading files."""
+    folder = tempfile.mkdtemp(prefix="nacre-fuzz-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 def _read(reader: str, path: Path) -> None:
