@@ -117,7 +117,8 @@ def read_directions(cursor: Cursor) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _unit(radians: np.ndarray, cursor: Cursor, what: str) -> np.ndarray:
-    theta, phi = np.degrees(radians.astype(np.float64)).T
+    with np.errstate(invalid="ignore"):  # a signalling NaN
+        theta, phi = np.degrees(radians.astype(np.float64)).T
     good = is_above_horizon(theta) & np.isfinite(phi)  # a theta of NaN is not above it
     if not good.all():
         index = int(np.argmin(good))
