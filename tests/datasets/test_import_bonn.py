@@ -118,6 +118,20 @@ def test_bdi_in_small_pieces(tmp_path, compression, monkeypatch):
 
 
 @pytest.mark.parametrize("make", [FmfFile, PvfFile, BdiFile])
+def test_memory_is_that_of_factors_and_a_block(tmp_path, make, monkeypatch):
+    directions = tuple((0.07 * i, 0.3 * i) for i in range(20))
+    path = save(tmp_path, make(light=directions, view=directions, width=32, height=40))
+    for module in (bdi, contents):
+        monkeypatch.setattr(module, "BLOCK_BYTES", 50_000)
+    tracemalloc.start()
+    dataset = import_dataset(path, tmp_path / "a.nacre")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert dataset.samples.nbytes > 3_000_000
+    assert peak < 600_000
+
+
+@pytest.mark.parametrize("make", [FmfFile, PvfFile, BdiFile])
 def test_what_all_layouts_share(tmp_path, make):
     """Order of the channels, cosine, scale, and blocks of less than an image."""
     file = make(version=4, channel_names=BGR, cosine_flag=0, pixels_per_mm=0.0)
