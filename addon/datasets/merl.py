@@ -103,8 +103,8 @@ def _map(path: Path, shape: tuple[int, int, int]) -> np.ndarray:
 def _load(path: Path, shape: tuple[int, int, int]) -> Evaluate:
     red, green, blue = _map(path, shape)
 
-    def evaluate(light: np.ndarray, views: np.ndarray) -> np.ndarray:
-        half, difference, phi = half_difference(light, views)
+    def evaluate(light: np.ndarray, view: np.ndarray) -> np.ndarray:
+        half, difference, phi = half_difference(light, view)
         turn = _SHAPES[shape]
         parts = (np.sqrt(half / (0.5 * np.pi)), difference / (0.5 * np.pi), (phi % turn) / turn)
         cells = tuple(
@@ -113,6 +113,6 @@ def _load(path: Path, shape: tuple[int, int, int]) -> Evaluate:
         )
         stored = np.stack([plane[cells] for plane in (red, green, blue)], -1)
         valid = np.where(stored >= 0.0, stored, 0.0)  # NaN is invalid too
-        return valid * (_SCALE * np.pi * light[2])
+        return valid * (_SCALE * np.pi * light[:, 2:])
 
     return evaluate

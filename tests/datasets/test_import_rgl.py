@@ -54,7 +54,7 @@ def write(folder, file):
 def samples(path, **options):
     """(light, view, channel)."""
     source = rgl.open_source(path, Options(**options))
-    return np.stack(list(source.blocks())).reshape(*source.shape)[:, :, 0, 0]
+    return np.concatenate(list(source.blocks())).reshape(*source.shape)[:, :, 0, 0]
 
 
 def test_every_kind_of_file_has_values_of_mitsubas(mitsuba):
@@ -210,6 +210,10 @@ LARGER = np.ones((2, 2, 2, 2), "<f4")
         (
             RglFile(0, SPECTRA, changes={"wavelengths": np.array([400, 500], "<f4")}),
             r"spectra has the shape \(1, 4, 6, 6, 6\); expected \(1, 4, 2, 2 or more, 2 or more\)",
+        ),
+        (
+            RglFile(0, SPECTRA, changes={"wavelengths": np.arange(5000, dtype="<f4")}),
+            "has 5000 wavelengths in the field wavelengths; up to 512 are read",
         ),
         (PolarisedFile(changes={"wvls": None}), "has no field wvls"),
         (PolarisedFile(changes={"wvls": np.array([450, 500], "<u2")}), "M has the shape"),
