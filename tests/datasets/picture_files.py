@@ -1,11 +1,10 @@
-"""Makes OpenEXR and Radiance pictures, and whole sets of images named by their angles."""
+"""Makes OpenEXR and Radiance pictures."""
 
 import tempfile
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
-from image_zips import LIGHTS, VIEWS
 
 
 def exr(channels: dict[str, np.ndarray], **header) -> bytes:
@@ -69,18 +68,3 @@ def _runs(values: np.ndarray) -> bytes:
             out += bytes([128 + count, data[i]])
         i += count
     return out
-
-
-def random_floats(seed: int = 5, size=(3, 8), bands: int = 3) -> dict[tuple, np.ndarray]:
-    """Pixels (row, column, band) float32 for each (light, view)."""
-    rng = np.random.default_rng(seed)
-    return {
-        (light, view): rng.lognormal(-1, 1, (*size, bands)).astype(np.float32)
-        for light in LIGHTS
-        for view in VIEWS
-    }
-
-
-def samples_of(images: dict[tuple, np.ndarray]) -> np.ndarray:
-    """Images as samples (light, view, y, x, band): bottom row first."""
-    return np.array([[images[light, view][::-1] for view in VIEWS] for light in LIGHTS])
