@@ -7,10 +7,11 @@ needs when it runs: most verbs work without Blender, and none should wait for pa
 
 from types import ModuleType
 
-from . import compare, compress, decode, import_btf, info, material, render, verify
+from . import compare, compress, decode, export, import_btf, info, material, render, verify
 
 VERBS: dict[str, ModuleType] = {
     "import": import_btf,
+    "export": export,
     "info": info,
     "compress": compress,
     "decode": decode,

@@ -33,11 +33,11 @@ def rgb_of(names: list[str], file: str) -> tuple[ToRgb, list[str]]:
             "nanometres"
         )
     nanometres = np.array([float(match[1]) for match in wavelengths if match])
-    order = np.argsort(nanometres)
-    if (np.diff(nanometres[order]) == 0).any():
+    rising = np.argsort(nanometres)
+    if (np.diff(nanometres[rising]) == 0).any():
         raise NacreError(f"{file} has several channels of one wavelength")
     weights = np.empty((3, len(names)), np.float32)
-    weights[:, order] = spectrum_to_rec709(nanometres[order].tolist())
+    weights[:, rising] = spectrum_to_rec709(nanometres[rising].tolist())
 
     def weighted(planes: np.ndarray) -> np.ndarray:
         return np.tensordot(weights, planes.astype(np.float32, copy=False), 1)

@@ -30,7 +30,7 @@ LOG_OFFSET = np.float32(1e-5)
 _NAMED = {0, 3, 5, 6, 12}
 _ANY_COUNT = {0, 5, 6, 12}
 
-_YUV_TO_RGB = ((1.0, 0.0, 1.13983), (1.0, -0.39465, -0.5806), (1.0, 2.03211, 0.0))
+YUV_TO_RGB = ((1.0, 0.0, 1.13983), (1.0, -0.39465, -0.5806), (1.0, 2.03211, 0.0))
 _YCOCG_TO_RGB = ((1.0, 1.0, -1.0), (1.0, 0.0, 1.0), (1.0, -1.0, -1.0))
 # Lab's white is D50 (ICC); Bradford's adaptation to D65 and the primaries of Rec.709 are in it.
 _D50 = (0.9642, 1.0, 0.8249)
@@ -78,7 +78,7 @@ class ColourModel:
             case 0:
                 return planes
             case 1:
-                return _transformed(_YUV_TO_RGB, planes)
+                return _transformed(YUV_TO_RGB, planes)
             case 2:
                 return _lab_to_rgb(planes)
             case 3:
@@ -103,7 +103,7 @@ class ColourModel:
             u *= y
             v *= y
         y -= LOG_OFFSET
-        return _transformed(_YUV_TO_RGB, planes)
+        return _transformed(YUV_TO_RGB, planes)
 
 
 def _transformed(rows: ArrayLike, planes: np.ndarray) -> np.ndarray:
