@@ -64,7 +64,8 @@ def open_source(path: Path, options: Options) -> Source:
             f"{path.name} is {'cut short' if size < _size(shape) else 'damaged'}: {_text(shape)} "
             f"cells take {_size(shape)} bytes, it has {size}"
         )
-    invalid = sum(int(np.count_nonzero(~(plane >= 0.0))) for plane in _map(path, shape))
+    with np.errstate(invalid="ignore"):
+        invalid = sum(int(np.count_nonzero(~(plane >= 0.0))) for plane in _map(path, shape))
     total = 3 * math.prod(shape)
     conversions = [
         "f_r = stored value x 1, 1.15, 1.66 / 1500 of red, green, blue, taken as linear Rec.709; "
@@ -79,6 +80,7 @@ def open_source(path: Path, options: Options) -> Source:
         size,
         conversions,
         {"cells": list(shape), "reciprocal": _SHAPES[shape] == math.pi},
+        0,  # the tables are mapped
         partial(_load, path, shape),
     )
 

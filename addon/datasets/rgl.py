@@ -59,7 +59,14 @@ def open_source(path: Path, options: Options) -> Source:
     except OSError as error:
         raise NacreError(f"cannot read {path}: {error.strerror}") from error
     return uniform_source(
-        path, FORMAT, options, file.bytes, brdf.conversions, brdf.details(), partial(_load, brdf)
+        path,
+        FORMAT,
+        options,
+        file.bytes,
+        brdf.conversions,
+        brdf.details(),
+        brdf.memory,
+        partial(_load, brdf),
     )
 
 
@@ -87,8 +94,10 @@ def _colours(wavelengths: np.ndarray) -> list[str]:
 
 def _increasing(values: np.ndarray, field: str, name: str) -> np.ndarray:
     """A parameter's values in double precision; NacreError when they are no grid."""
-    values = values.astype(np.float64).reshape(-1)
-    if not (len(values) and np.isfinite(values).all() and (np.diff(values) > 0.0).all()):
+    with np.errstate(invalid="ignore"):
+        values = values.astype(np.float64).reshape(-1)
+        grid = len(values) and np.isfinite(values).all() and (np.diff(values) > 0.0).all()
+    if not grid:
         raise NacreError(f"{name} is damaged: the values of the field {field} do not increase")
     return values
 
@@ -119,6 +128,13 @@ class _Adaptive:
         if self.isotropic:
             return 1
         return round(2.0 * math.pi / (self.phi_i[-1] - self.phi_i[0]))
+
+    @property
+    def memory(self) -> int:
+        """Of the warp, which is made in double precision, and of the colours."""
+        warped = math.prod(self.tables["vndf"].shape)
+        phis, thetas, channels, height, width = self.colour.shape
+        return 56 * warped + 4 * height * width * (3 * phis * thetas + 3 * channels)
 
     def details(self) -> dict[str, Any]:
         return {
@@ -177,9 +193,7 @@ class _Adaptive:
         mixed = np.empty((phis * thetas, height, width, len(mixing)), np.float32)
         for number, values in enumerate(stored):
             values = np.where(values > 0.0, values, np.float32(0.0))
-            # What overflows is found when the samples are written.
-            with np.errstate(over="ignore", invalid="ignore"):
-                mixed[number] = np.einsum("nc,cyx->yxn", mixing.astype(np.float32), values)
+            mixed[number] = np.einsum("nc,cyx->yxn", mixing.astype(np.float32), values)
         return mixed
 
     def _mirrored(self, light: np.ndarray, view: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -250,6 +264,10 @@ class _Polarised:
     wavelengths: np.ndarray
     mueller: Field
     conversions: list[str]
+
+    @property
+    def memory(self) -> int:
+        return 0  # mapped
 
     def details(self) -> dict[str, Any]:
         return {"brdf": "isotropic, polarimetric", "M": list(self.mueller.shape)}

@@ -28,6 +28,10 @@ All are unit vectors above the surface.
 
 # As many pairs of light and view are evaluated at a time, or those of one light.
 _PAIRS = 2**13
+_PAIR_BYTES = 1000
+
+# What overflows or is no number is found when the samples are written.
+_SILENT: dict[str, Any] = {"over": "ignore", "invalid": "ignore"}
 
 # Views at the horizon are evaluated this much (the sine of the angle) above it, where tables end;
 # lights as low are dark.
@@ -41,12 +45,14 @@ def uniform_source(
     size: int,
     conversions: list[str],
     details: dict[str, Any],
+    memory: int,
     load: Callable[[], Evaluate],
 ) -> Source:
     """The source of a BRDF at the directions that the options ask for.
 
-    `load` reads the tables, once the samples are wanted. `conversions` is of the values; directions
-    and the patch are added. Raises NacreError for directions that are given twice or not known.
+    `load` reads the tables, once the samples are wanted, into `memory` bytes. `conversions` is of
+    the values; directions and the patch are added. Raises NacreError for directions that are given
+    twice or not known.
     """
     light, view, sampled = _directions(options)
     width = DEFAULT_PATCH_WIDTH if options.patch_width is None else options.patch_width
@@ -67,6 +73,7 @@ def uniform_source(
         details=details,
         bytes=size,
         blocks=partial(_blocks, path, light, view, load),
+        memory=memory + _PAIR_BYTES * max(len(view), min(_PAIRS, len(light) * len(view))),
     )
 
 
@@ -133,15 +140,15 @@ def _blocks(
 ) -> Generator[np.ndarray]:
     """Samples (lights, views, 1, 1, channel) float32, a few lights at a time."""
     try:
-        evaluate = load()
+        with np.errstate(**_SILENT):
+            evaluate = load()
     except OSError as error:
         raise NacreError(f"cannot read {path}: {error.strerror}") from error
     step = max(1, _PAIRS // len(view))
     for first in range(0, len(light), step):
         chunk = light[first : first + step]
         pairs = np.repeat(_above(chunk), len(view), 0), np.tile(_above(view), (len(chunk), 1))
-        # What overflows is found when the samples are written.
-        with np.errstate(over="ignore", invalid="ignore"):
+        with np.errstate(**_SILENT):
             values = evaluate(*pairs).astype(np.float32)
         values = values.reshape(len(chunk), len(view), 1, 1, len(CHANNELS))
         values[chunk[:, 2] <= _LEAST_COSINE] = 0.0

@@ -81,6 +81,7 @@ def open_source(path: Path, options: Options) -> Source:
         size,
         conversions,
         {"measured": [288, 288]},
+        5 * size,  # as stored and decoded, and three times on the way
         lambda: _evaluator(_decoded(stored, gamma) / white),
     )
 
@@ -94,7 +95,8 @@ def _asked(option: object) -> str:
 
 
 def _is_plausible(values: np.ndarray) -> bool:
-    return bool(np.all(np.abs(values) <= _LARGEST))  # false for NaN
+    with np.errstate(invalid="ignore"):
+        return bool(np.all(np.abs(values) <= _LARGEST))  # false for NaN
 
 
 def _decoded(values: np.ndarray, gamma: float | str) -> np.ndarray:

@@ -122,6 +122,22 @@ def test_values_below_0_and_what_is_no_number_are_0(tmp_path):
     assert (values[..., 1:] == 0).all()
 
 
+SIGNALLING_NAN = np.array([0x7F800001], "<u4").view("<f4")
+
+
+def test_no_kind_of_nan_shows_as_a_warning(tmp_path):
+    """Bytes that a processor complains about when it converts them."""
+    fields = RglFile(0, SPECTRA).fields()
+    path = tmp_path / "a.bsdf"
+    fields["spectra"][:, :, 1] = SIGNALLING_NAN
+    path.write_bytes(tensor_file(fields))
+    assert np.isfinite(samples(path)).all()
+    fields["wavelengths"][1:2] = SIGNALLING_NAN
+    path.write_bytes(tensor_file(fields))
+    with pytest.raises(NacreError, match="wavelengths do not increase"):
+        describe_source(path)
+
+
 def test_what_could_not_be_measured_is_0(tmp_path):
     whole = samples(write(tmp_path, PolarisedFile()))
     holes = samples(write(tmp_path, PolarisedFile(invalid=45)))
