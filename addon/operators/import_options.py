@@ -128,10 +128,10 @@ class ImportOptions:
         directions = bpy.path.abspath(self.directions) or None
         options = {
             "cosine": COSINE[self.cosine],
-            "gamma": round(self.gamma_power, 6) if self.gamma == "POWER" else GAMMA[self.gamma],
+            "gamma": _shown(self.gamma_power) if self.gamma == "POWER" else GAMMA[self.gamma],
             "colour_space": COLOUR_SPACE[self.colour_space],
-            "white": round(self.white, 6) or None,
-            "patch_width": round(self.patch_width, 9) or None,
+            "white": _shown(self.white) or None,
+            "patch_width": _shown(self.patch_width) or None,
             "directions": directions,
         }
         for name in ("lights", "views"):
@@ -157,3 +157,8 @@ class ImportOptions:
                     layout.prop(self, f"{name}_count")
         if "patch_width" in takes:
             layout.prop(self, "patch_width")
+
+
+def _shown(value: float) -> float:
+    """A property in single precision as the number that it shows."""
+    return float(f"{value:.6g}")
