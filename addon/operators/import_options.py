@@ -14,8 +14,8 @@ COLOUR_SPACE = {"AUTO": None, "REC709": "rec709", "XYZ": "xyz"}
 DIRECTIONS = {"AUTO": None, "UBO151": "ubo151"}
 
 _SETS = (
-    ("AUTO", "81, Bonn 2003", "The directions that BTFs are usually measured at, down to 75°"),
-    ("UBO151", "151, Bonn 2014", "The directions of Bonn's newer BTFs, down to 75°"),
+    ("AUTO", "Bonn 2003", "The 81 directions that BTFs are usually measured at, down to 75°"),
+    ("UBO151", "Bonn 2014", "The 151 directions of Bonn's newer BTFs, down to 75°"),
     ("UNIFORM", "Even", "As many as you like, at even distances down to 80°"),
 )
 
