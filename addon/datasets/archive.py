@@ -1,6 +1,7 @@
 """The files in a zip or a folder, read one at a time. Nothing is ever unpacked to disk."""
 
 import os
+import stat
 import zipfile
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -92,9 +93,12 @@ class _Folder(Files):
 
     def size(self, name: str) -> int:
         try:
-            return self._inside(name).stat().st_size
+            status = self._inside(name).stat()
         except OSError as error:
             raise NacreError(f"cannot read {name}: {error.strerror}") from error
+        if not stat.S_ISREG(status.st_mode):
+            raise NacreError(f"{name!r} is no file")
+        return status.st_size
 
     def read(self, name: str) -> bytes:
         if self.size(name) > _MOST:

@@ -13,7 +13,7 @@ from .image_size import check_claim
 MAGIC = b"\x76\x2f\x31\x01"
 
 # 550, 550nm, w550nm, T.550,0nm or wavelength_550.5: in nm, within what any camera sees.
-_WAVELENGTH = re.compile(r"(?:[A-Za-z]\w*[._ ])?[A-Za-z_ ]*(\d+(?:[.,]\d+)?) *(?:nm)?", re.ASCII)
+_WAVELENGTH = re.compile(r"(?:[A-Za-z]\w*?[._ ])??[A-Za-z_ ]*(\d+(?:[.,]\d+)?) *(?:nm)?", re.ASCII)
 _SHORTEST, _LONGEST = 200.0, 3000.0
 # With fewer there is no spectrum to speak of.
 _FEWEST_BANDS = 3
@@ -35,10 +35,10 @@ def read(data: bytes, name: str) -> tuple[np.ndarray, str | tuple[float, ...]]:
     """
     header = _header(data, name)
     found, channels = _channels(header, name)
-    (part,) = _parts(data, name, header_only=False)
-    if part is None:  # so the library says that some pixels are missing
+    parts = _parts(data, name, header_only=False)
+    if not parts:  # so the library says that some of the pixels are missing
         raise NacreError(f"{name} is damaged or cut short")
-    planes = [part.channels[channel].pixels for channel in channels]
+    planes = [parts[0].channels[channel].pixels for channel in channels]
     if any(plane.dtype.kind != "f" for plane in planes):
         raise NacreError(f"{name} has whole numbers as pixels; half or single floats are expected")
     return np.stack(planes, axis=-1), found
@@ -53,7 +53,7 @@ def _header(data: bytes, name: str) -> dict[str, Any]:
     (left, bottom), (right, top) = (corner.tolist() for corner in header["dataWindow"])
     width, height = right - left + 1, top - bottom + 1
     channels = header["channels"]
-    check_claim(name, width, height, 4 * len(channels), len(data))
+    check_claim(name, width, height, len(channels), len(data))
     if any(channel.xSampling != 1 or channel.ySampling != 1 for channel in channels):
         raise NacreError(f"{name} has subsampled channels")
     shown = [corner.tolist() for corner in header["displayWindow"]]

@@ -6,6 +6,7 @@ from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from .archive import Files, open_files
 from .directions import is_above_horizon, spherical_to_unit
 from .image_values import OPTIONS as VALUE_OPTIONS
 from .image_values import Decoding, Encoding, choose_decoding
-from .images import Image, decode
+from .images import Bands, Image, decode
 from .options import Options
 from .source import BLOCK_BYTES, CHANNELS, Source, assumed_patch_size
 
@@ -39,6 +40,20 @@ class ImageGrid:
     lights: list[Angles]
     views: list[Angles]
     names: list[str]
+
+
+class _Kind(NamedTuple):
+    """What all images of a set have in common."""
+
+    width: int
+    height: int
+    stored: np.dtype
+    bands: Bands
+
+
+def _kind(image: Image) -> _Kind:
+    height, width, _ = image.pixels.shape
+    return _Kind(width, height, image.pixels.dtype, image.bands)
 
 
 def angles(theta: float, phi: float, place: str) -> Angles:
@@ -89,7 +104,8 @@ def image_source(
             size = folder.stat().st_size
         first = decode(files.read(grid.names[0]), grid.names[0])
     decoding = choose_decoding(first, encoding, options)
-    height, width, _ = first.pixels.shape
+    kind = _kind(first)
+    width, height = kind.width, kind.height
     patch_size = assumed_patch_size(width, height)
     scale = f"no scale in the file: patch taken as {patch_size[0]:g} m wide"
     if options.patch_width is not None:
@@ -107,40 +123,39 @@ def image_source(
         conversions=[*decoding.conversions, *notes, scale],
         details={},
         bytes=size,
-        blocks=partial(_blocks, folder, grid, first, decoding, light[:, 2]),
+        blocks=partial(_blocks, folder, grid, kind, decoding, light[:, 2]),
     )
 
 
 def _blocks(
-    folder: Path, grid: ImageGrid, first: Image, decoding: Decoding, cosines: np.ndarray
+    folder: Path, grid: ImageGrid, first: _Kind, decoding: Decoding, cosines: np.ndarray
 ) -> Generator[np.ndarray]:
     """Samples (views, y, x, channel) float32: for each light, a few views at a time."""
     views = len(grid.views)
-    # A pixel is at most stored and decoded as floats.
-    step = max(1, BLOCK_BYTES // (4 * max(first.pixels.size, 1)))
+    image = (first.height, first.width, len(CHANNELS))
+    step = max(1, BLOCK_BYTES // (4 * math.prod(image)))
     with open_files(folder) as files:
         for light, cosine in enumerate(cosines):
             names = grid.names[light * views : (light + 1) * views]
             for start in range(0, views, step):
+                chunk = names[start : start + step]
+                block = np.empty((len(chunk), *image), np.float32)
                 # One after the other: threads make small images slower, not faster.
-                images = [
-                    _load(files, name, grid.names[0], first) for name in names[start : start + step]
-                ]
-                yield decoding.values(np.stack(images), cosine)
+                for values, name in zip(block, chunk, strict=True):
+                    pixels = _load(files, name, grid.names[0], first)
+                    values[...] = decoding.values(pixels, cosine)
+                yield block
 
 
-def _load(files: Files, name: str, first_name: str, first: Image) -> np.ndarray:
+def _load(files: Files, name: str, first_name: str, first: _Kind) -> np.ndarray:
     """An image (y, x, band) like the first, its first row at the bottom."""
     image = decode(files.read(name), name)
-    if image.pixels.shape[:2] != first.pixels.shape[:2]:
-        sizes = [
-            f"{width} x {height}"
-            for height, width in (image.pixels.shape[:2], first.pixels.shape[:2])
-        ]
+    kind = _kind(image)
+    if (kind.width, kind.height) != (first.width, first.height):
         raise NacreError(
-            f"{name} has {sizes[0]} pixels, but {first_name} has {sizes[1]}: all images must be of "
-            "one size"
+            f"{name} has {kind.width} x {kind.height} pixels, but {first_name} has "
+            f"{first.width} x {first.height}: all images must be of one size"
         )
-    if (image.pixels.dtype, image.bands) != (first.pixels.dtype, first.bands):
+    if kind != first:
         raise NacreError(f"{name} is another kind of image than {first_name}: all must be alike")
     return image.pixels[::-1]

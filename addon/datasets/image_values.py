@@ -34,11 +34,13 @@ class Encoding:
 class Decoding:
     """The steps for all images of a set, which are of one kind.
 
-    `curve` makes stored numbers, as shares of the largest, linear; `matrix` (3, bands) or None
-    makes colours Rec.709; `has_cosine` is False where values lack the cosine of the light's angle.
+    `curve`, a gamma or "srgb", makes floats linear, `table` does so for each whole number; `matrix`
+    (3, bands) makes colours Rec.709 where it is not None; `has_cosine` is False where values lack
+    the cosine of the light's angle.
     """
 
     curve: float | str
+    table: np.ndarray | None
     matrix: np.ndarray | None
     white: float
     has_cosine: bool
@@ -47,24 +49,24 @@ class Decoding:
     def values(self, pixels: np.ndarray, cosine: float) -> np.ndarray:
         """Values (..., 3) float32 of pixels (..., band), all lit by a light of this cosine."""
         factor = np.float32((1.0 if self.has_cosine else cosine) / self.white)
-        if pixels.dtype.kind == "u":
-            most = np.iinfo(pixels.dtype).max
-            # No more than 2^16 different numbers.
-            table = _linear(np.arange(most + 1) / most, self.curve).astype(np.float32)
-            if self.matrix is None:
-                return (table * factor)[pixels]
-            linear = table[pixels]
+        if self.table is not None:
+            linear = self.table[pixels]
         else:
             linear = _linear(pixels.astype(np.float32), self.curve)
         if self.matrix is not None:
-            linear = linear @ self.matrix.T.astype(np.float32)
-        return linear * factor
+            linear = linear @ self.matrix.T
+        linear *= factor
+        return linear
 
 
 def choose_decoding(first: Image, encoding: Encoding, options: Options) -> Decoding:
     """The steps for images like `first`; NacreError for an option that makes no sense of them."""
     conversions = list(first.notes)
     curve = _choose_curve(first.pixels.dtype, encoding, options, conversions)
+    table = None
+    if first.pixels.dtype.kind == "u":
+        most = np.iinfo(first.pixels.dtype).max
+        table = _linear(np.arange(most + 1) / most, curve).astype(np.float32)
     matrix = _choose_matrix(first, encoding, options, conversions)
     if options.white is None:
         conversions.append("a white diffuser lit head-on taken as 1")
@@ -76,7 +78,7 @@ def choose_decoding(first: Image, encoding: Encoding, options: Options) -> Decod
         asked = ", as asked" if options.cosine == 1 else ""
         conversions.append(f"values taken to include cos(theta_light){asked}")
     white = 1.0 if options.white is None else options.white
-    return Decoding(curve, matrix, white, options.cosine != 0, conversions)
+    return Decoding(curve, table, matrix, white, options.cosine != 0, conversions)
 
 
 def _choose_curve(
@@ -108,7 +110,7 @@ def _choose_matrix(
             f"spectra of {len(bands)} bands from {bands[0]:g} to {bands[-1]:g} nm, seen under D65 "
             "by the CIE 1931 observer, to Rec.709; white, a flat spectrum of 1, is (1, 1, 1)"
         )
-        return spectrum_to_rec709(bands)
+        return spectrum_to_rec709(bands).astype(np.float32)
     space, asked = "rec709", ""
     if bands == "XYZ":
         space = "xyz"
@@ -118,7 +120,7 @@ def _choose_matrix(
         space, asked = options.colour_space, ", as asked"
     if space == "xyz":
         conversions.append(f"CIE XYZ (D65) converted to Rec.709{asked}")
-        return xyz_to_rec709()
+        return xyz_to_rec709().astype(np.float32)
     conversions.append(f"colours taken as Rec.709{asked}")
     return None
 
@@ -127,5 +129,5 @@ def _linear(encoded: np.ndarray, curve: float | str) -> np.ndarray:
     if curve == 1:
         return encoded
     if curve == "srgb":
-        return srgb_to_linear(encoded)
+        return srgb_to_linear(encoded).astype(encoded.dtype)
     return np.maximum(encoded, 0) ** encoded.dtype.type(curve)

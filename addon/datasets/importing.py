@@ -21,17 +21,26 @@ from .source import Source
 _READERS = (btf, utia, spectral, ubo2003, listed_images, masks, rgl, merl, utia_brdf)
 READERS = {reader.FORMAT: reader for reader in _READERS}
 
+EXTENSIONS = tuple(dict.fromkeys(ending for reader in _READERS for ending in reader.EXTENSIONS))
+"""What the names of measured files end in."""
+
 Progress = Callable[[float, str], bool]
 
 
-def detect_format(source: str | Path) -> str:
+def detect_format(source: str | Path, directions: str | Path | None = None) -> str:
     """The name of the reader for a file or folder, by its content.
 
-    A damaged file that no reader knows goes to the reader of its extension, whose error says more.
+    A folder of images is anything that the list `directions` makes of it. A damaged file that no
+    reader knows goes to the reader of its extension, whose error says more.
     """
     path = Path(source)
     if not os.path.exists(path):
         raise NacreError(f"there is no file {path}")
+    if directions is not None:
+        if listed_images.matches(Path(directions)):
+            return listed_images.FORMAT
+        if os.path.isdir(path):
+            return masks.FORMAT
     if os.path.isfile(path / DESCRIPTION):
         raise NacreError(f"{path} is a Nacre dataset already: it needs no import")
     for name, reader in READERS.items():
@@ -77,14 +86,8 @@ def import_dataset(
 
 
 def _open_source(source: str | Path, format: str | None, options: Options) -> Source:
-    if format is None and options.directions is not None:
-        # A folder of images is anything that its user says.
-        if listed_images.matches(Path(options.directions)):
-            format = listed_images.FORMAT
-        elif os.path.isdir(source):
-            format = masks.FORMAT
     if format is None:
-        format = detect_format(source)
+        format = detect_format(source, options.directions)
     elif format not in READERS:
         raise NacreError(f"there is no format {format}: choose from {', '.join(READERS)}")
     elif not os.path.exists(source):

@@ -64,7 +64,8 @@ def open_source(path: Path, options: Options) -> Source:
             f"{path.name} is {'cut short' if size < _size(shape) else 'damaged'}: {_text(shape)} "
             f"cells take {_size(shape)} bytes, it has {size}"
         )
-    invalid = sum(int(np.count_nonzero(~(plane >= 0.0))) for plane in _map(path, shape))
+    with np.errstate(invalid="ignore"):
+        invalid = sum(int(np.count_nonzero(~(plane >= 0.0))) for plane in _map(path, shape))
     total = 3 * math.prod(shape)
     conversions = [
         "f_r = stored value x 1, 1.15, 1.66 / 1500 of red, green, blue, taken as linear Rec.709; "
@@ -79,6 +80,7 @@ def open_source(path: Path, options: Options) -> Source:
         size,
         conversions,
         {"cells": list(shape), "reciprocal": _SHAPES[shape] == math.pi},
+        0,  # the tables are mapped
         partial(_load, path, shape),
     )
 
@@ -103,8 +105,8 @@ def _map(path: Path, shape: tuple[int, int, int]) -> np.ndarray:
 def _load(path: Path, shape: tuple[int, int, int]) -> Evaluate:
     red, green, blue = _map(path, shape)
 
-    def evaluate(light: np.ndarray, views: np.ndarray) -> np.ndarray:
-        half, difference, phi = half_difference(light, views)
+    def evaluate(light: np.ndarray, view: np.ndarray) -> np.ndarray:
+        half, difference, phi = half_difference(light, view)
         turn = _SHAPES[shape]
         parts = (np.sqrt(half / (0.5 * np.pi)), difference / (0.5 * np.pi), (phi % turn) / turn)
         cells = tuple(
@@ -113,6 +115,6 @@ def _load(path: Path, shape: tuple[int, int, int]) -> Evaluate:
         )
         stored = np.stack([plane[cells] for plane in (red, green, blue)], -1)
         valid = np.where(stored >= 0.0, stored, 0.0)  # NaN is invalid too
-        return valid * (_SCALE * np.pi * light[2])
+        return valid * (_SCALE * np.pi * light[:, 2:])
 
     return evaluate

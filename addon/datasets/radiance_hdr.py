@@ -40,7 +40,8 @@ def read(data: bytes, name: str) -> tuple[np.ndarray, str, tuple[str, ...]]:
     pixels = rgbe[..., :3] * scale[rgbe[..., 3:]]
     notes: tuple[str, ...] = ()
     if (exposure != 1).any():
-        pixels = (pixels / exposure).astype(np.float32)
+        with np.errstate(over="ignore"):
+            pixels = (pixels / exposure).astype(np.float32)
         notes = (f"divided by the exposure in the images' headers, {_text(exposure)} in the first",)
     return pixels[::-1] if upward else pixels, bands, notes
 

@@ -29,10 +29,13 @@ from .options import Options
 from .source import Source
 from .tensor_file import MAGIC, Field, TensorFile, open_tensor_file
 from .uniform_brdf import OPTIONS as OPTIONS
-from .uniform_brdf import Evaluate, elevation, half_difference, uniform_source
+from .uniform_brdf import Evaluate, elevation, half_difference, half_vector, uniform_source
 
 FORMAT = "rgl"
 EXTENSIONS = (".bsdf", ".pbsdf")
+
+# Real files have 195.
+_MOST_WAVELENGTHS = 512
 
 
 def matches(path: Path) -> bool:
@@ -56,12 +59,29 @@ def open_source(path: Path, options: Options) -> Source:
     except OSError as error:
         raise NacreError(f"cannot read {path}: {error.strerror}") from error
     return uniform_source(
-        path, FORMAT, options, file.bytes, brdf.conversions, brdf.details(), partial(_load, brdf)
+        path,
+        FORMAT,
+        options,
+        file.bytes,
+        brdf.conversions,
+        brdf.details(),
+        brdf.memory,
+        partial(_load, brdf),
     )
 
 
 def _load(brdf: "_Adaptive | _Polarised") -> Evaluate:
     return brdf.evaluator(brdf.to_rgb())
+
+
+def _wavelengths(file: TensorFile, name: str, dtype: str) -> np.ndarray:
+    field = file.field(name, dtype, 1)
+    if field.shape[0] > _MOST_WAVELENGTHS:
+        raise NacreError(
+            f"{file.path.name} has {field.shape[0]} wavelengths in the field {name}; up to "
+            f"{_MOST_WAVELENGTHS} are read"
+        )
+    return _increasing(file.read(field), name, file.path.name)
 
 
 def _colours(wavelengths: np.ndarray) -> list[str]:
@@ -74,8 +94,10 @@ def _colours(wavelengths: np.ndarray) -> list[str]:
 
 def _increasing(values: np.ndarray, field: str, name: str) -> np.ndarray:
     """A parameter's values in double precision; NacreError when they are no grid."""
-    values = values.astype(np.float64).reshape(-1)
-    if not (len(values) and np.isfinite(values).all() and (np.diff(values) > 0.0).all()):
+    with np.errstate(invalid="ignore"):
+        values = values.astype(np.float64).reshape(-1)
+        grid = len(values) and np.isfinite(values).all() and (np.diff(values) > 0.0).all()
+    if not grid:
         raise NacreError(f"{name} is damaged: the values of the field {field} do not increase")
     return values
 
@@ -107,6 +129,13 @@ class _Adaptive:
             return 1
         return round(2.0 * math.pi / (self.phi_i[-1] - self.phi_i[0]))
 
+    @property
+    def memory(self) -> int:
+        """Of the warp, which is made in double precision, and of the colours."""
+        warped = math.prod(self.tables["vndf"].shape)
+        phis, thetas, channels, height, width = self.colour.shape
+        return 56 * warped + 4 * height * width * (3 * phis * thetas + 3 * channels)
+
     def details(self) -> dict[str, Any]:
         return {
             "brdf": "isotropic" if self.isotropic else "anisotropic",
@@ -127,11 +156,10 @@ class _Adaptive:
         ndf, sigma = (self._table(name).astype(np.float64)[None] for name in ("ndf", "sigma"))
         colour = self._mixed(mixing)
 
-        def evaluate(light: np.ndarray, views: np.ndarray) -> np.ndarray:
-            views, lights = self._mirrored(views, np.broadcast_to(light, views.shape))
-            half = views + lights
-            half /= np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-12)
-            theta_i, phi_i = elevation(views), np.arctan2(views[:, 1], views[:, 0])
+        def evaluate(light: np.ndarray, view: np.ndarray) -> np.ndarray:
+            light, view = self._mirrored(light, view)
+            half = half_vector(light, view)
+            theta_i, phi_i = elevation(view), np.arctan2(view[:, 1], view[:, 0])
             theta_m, phi_m = elevation(half), np.arctan2(half[:, 1], half[:, 0])
             x = _theta_to_unit(theta_m)
             y = _phi_to_unit(phi_m - phi_i if self.isotropic else phi_m)
@@ -168,17 +196,17 @@ class _Adaptive:
             mixed[number] = np.einsum("nc,cyx->yxn", mixing.astype(np.float32), values)
         return mixed
 
-    def _mirrored(self, views: np.ndarray, lights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _mirrored(self, light: np.ndarray, view: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Directions turned to where the file has phi_i: half or a quarter of the turn.
 
         A sign of zero counts as one of the number.
         """
         if self.symmetry < 2:
-            return views, lights
-        flip_y = ~np.signbit(views[:, 1])
-        flip_x = ~np.signbit(views[:, 0]) if self.symmetry == 4 else flip_y
+            return light, view
+        flip_y = ~np.signbit(view[:, 1])
+        flip_x = ~np.signbit(view[:, 0]) if self.symmetry == 4 else flip_y
         signs = np.where(np.stack([flip_x, flip_y, np.zeros_like(flip_x)], -1), -1.0, 1.0)
-        return views * signs, lights * signs
+        return light * signs, view * signs
 
 
 def _theta_to_unit(theta: np.ndarray) -> np.ndarray:
@@ -199,8 +227,7 @@ def _open_adaptive(file: TensorFile) -> _Adaptive:
     tables = {key: file.field(key, "f4", count) for key, count in axes.items()}
     slices = (len(phi_i), len(theta_i))
     if "spectra" in file.fields:
-        listed = file.field("wavelengths", "f4", 1)
-        wavelengths = _increasing(file.read(listed), "wavelengths", name)
+        wavelengths = _wavelengths(file, "wavelengths", "f4")
         colour, channels = file.field("spectra", "f4", 5), len(wavelengths)
         conversions = _colours(wavelengths)
     else:
@@ -238,6 +265,10 @@ class _Polarised:
     mueller: Field
     conversions: list[str]
 
+    @property
+    def memory(self) -> int:
+        return 0  # mapped
+
     def details(self) -> dict[str, Any]:
         return {"brdf": "isotropic, polarimetric", "M": list(self.mueller.shape)}
 
@@ -249,14 +280,14 @@ class _Polarised:
         stored = self.file.map(self.mueller)[..., 0, 0]
         stored = stored.reshape(-1, len(self.wavelengths))
 
-        def evaluate(light: np.ndarray, views: np.ndarray) -> np.ndarray:
-            theta_h, theta_d, phi_d = half_difference(light, views)
+        def evaluate(light: np.ndarray, view: np.ndarray) -> np.ndarray:
+            theta_h, theta_d, phi_d = half_difference(light, view)
             grid = blend(list(zip(self.axes, (phi_d, theta_d, theta_h), strict=True)))
-            corners = stored[grid.slices].astype(np.float64)
-            corners[grid.weights == 0.0] = 0.0
-            spectra = np.einsum("kn,knw->nw", grid.weights, corners)
+            spectra = np.zeros((len(view), len(self.wavelengths)))
+            for slices, weights in zip(grid.slices, grid.weights[..., None], strict=True):
+                spectra += np.where(weights > 0.0, weights * stored[slices], 0.0)
             spectra = np.where(np.isnan(spectra), 0.0, np.maximum(spectra, 0.0))
-            values: np.ndarray = spectra @ mixing.T * (np.pi * light[2])
+            values: np.ndarray = spectra @ mixing.T * (np.pi * light[:, 2:])
             return values
 
         return evaluate
@@ -270,7 +301,7 @@ def _open_polarised(file: TensorFile) -> _Polarised:
         # Files exist whose shape is (0, n), with n values all the same.
         listed = file.reshaped(field, field.shape[1:])
         axes.append(_increasing(file.read(listed), key, name))
-    wavelengths = _increasing(file.read(file.field("wvls", "u2", 1)), "wvls", name)
+    wavelengths = _wavelengths(file, "wvls", "u2")
     mueller = file.field("M", "f4", 6)
     expected = (*map(len, axes), len(wavelengths), 4, 4)
     if mueller.shape != expected:

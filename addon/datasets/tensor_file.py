@@ -33,6 +33,7 @@ _DTYPES: dict[int, np.dtype] = {
     11: np.dtype("<f8"),
 }
 _MOST_AXES = 16
+_MOST_FIELDS = 1024
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,10 @@ def open_tensor_file(path: Path) -> TensorFile:
         size = path.stat().st_size
         cursor = _Cursor(file.read, path.name)
         (count,) = cursor.numbers("I", "the number of fields")
+        if count > _MOST_FIELDS:
+            raise NacreError(
+                f"{path.name} is damaged: it claims {count} fields; up to {_MOST_FIELDS} are read"
+            )
         fields: dict[str, Field] = {}
         for number in range(1, count + 1):
             field = _read_field(cursor, number)

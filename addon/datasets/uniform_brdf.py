@@ -1,6 +1,6 @@
 """A uniform BRDF as a BTF of one texel, sampled at any directions.
 
-What the readers of BRDFs share: which directions, and the samples light by light.
+What the readers of BRDFs share: which directions, and the samples a few lights at a time.
 """
 
 from collections.abc import Callable, Generator
@@ -21,10 +21,17 @@ OPTIONS = frozenset({"lights", "views", "directions", "patch_width"})
 USUAL_DIRECTIONS = "ubo81"
 
 Evaluate = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Light (3,) and views (V, 3) -> pi f_r cos(theta_light) (V, channels).
+"""Lights (n, 3) and views (n, 3) -> pi f_r cos(theta_light) (n, 3).
 
 All are unit vectors above the surface.
 """
+
+# As many pairs of light and view are evaluated at a time, or those of one light.
+_PAIRS = 2**13
+_PAIR_BYTES = 1000
+
+# What overflows or is no number is found when the samples are written.
+_SILENT: dict[str, Any] = {"over": "ignore", "invalid": "ignore"}
 
 # Views at the horizon are evaluated this much (the sine of the angle) above it, where tables end;
 # lights as low are dark.
@@ -38,12 +45,14 @@ def uniform_source(
     size: int,
     conversions: list[str],
     details: dict[str, Any],
+    memory: int,
     load: Callable[[], Evaluate],
 ) -> Source:
     """The source of a BRDF at the directions that the options ask for.
 
-    `load` reads the tables, once the samples are wanted. `conversions` is of the values; directions
-    and the patch are added. Raises NacreError for directions that are given twice or not known.
+    `load` reads the tables, once the samples are wanted, into `memory` bytes. `conversions` is of
+    the values; directions and the patch are added. Raises NacreError for directions that are given
+    twice or not known.
     """
     light, view, sampled = _directions(options)
     width = DEFAULT_PATCH_WIDTH if options.patch_width is None else options.patch_width
@@ -64,18 +73,18 @@ def uniform_source(
         details=details,
         bytes=size,
         blocks=partial(_blocks, path, light, view, load),
+        memory=memory + _PAIR_BYTES * max(len(view), min(_PAIRS, len(light) * len(view))),
     )
 
 
 def half_difference(light: np.ndarray, view: np.ndarray) -> tuple[np.ndarray, ...]:
-    """(theta_h, theta_d, phi_d) in radians, each (V,), of a light (3,) and views (V, 3).
+    """(theta_h, theta_d, phi_d) in radians, each (n,), of lights (n, 3) and views (n, 3).
 
     Rusinkiewicz' coordinates: the half vector's angle from the normal, and the light in the frame
     of the half vector, whose first axis lies in the plane of normal and half vector. Where the two
     coincide, and where light and half vector do, the azimuth is that of vectors in one plane.
     """
-    half = light + view
-    half /= np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-12)
+    half = half_vector(light, view)
     theta_half = elevation(half)
     theta_difference = 2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(light - half, axis=-1), 0, 1))
     across = np.hypot(half[:, 0], half[:, 1])
@@ -83,12 +92,20 @@ def half_difference(light: np.ndarray, view: np.ndarray) -> tuple[np.ndarray, ..
     along = np.stack([half[:, 0], half[:, 1]], -1) / np.where(apart, across, 1.0)[:, None]
     # The light turned about the normal until the half vector is above +x; then the frame's axes are
     # (cos theta_h, 0, -sin theta_h) and y.
-    x = light[0] * along[:, 0] + light[1] * along[:, 1]
-    y = light[1] * along[:, 0] - light[0] * along[:, 1]
-    x = x * half[:, 2] - light[2] * across
+    x = light[:, 0] * along[:, 0] + light[:, 1] * along[:, 1]
+    y = light[:, 1] * along[:, 0] - light[:, 0] * along[:, 1]
+    x = x * half[:, 2] - light[:, 2] * across
     planar = ~apart | (np.hypot(x, y) <= 1e-9)
     phi_difference = np.where(planar, 0.0, np.arctan2(y, x))
     return theta_half, theta_difference, phi_difference
+
+
+def half_vector(light: np.ndarray, view: np.ndarray) -> np.ndarray:
+    """Unit vectors (n, 3) midway between lights and views (n, 3)."""
+    between = light + view
+    length = np.linalg.norm(between, axis=-1, keepdims=True)
+    half: np.ndarray = between / np.maximum(length, 1e-12)
+    return half
 
 
 def elevation(directions: np.ndarray) -> np.ndarray:
@@ -121,19 +138,21 @@ def _directions(options: Options) -> tuple[np.ndarray, np.ndarray, list[str]]:
 def _blocks(
     path: Path, light: np.ndarray, view: np.ndarray, load: Callable[[], Evaluate]
 ) -> Generator[np.ndarray]:
-    """Samples (views, 1, 1, channel) float32, one light after the other."""
+    """Samples (lights, views, 1, 1, channel) float32, a few lights at a time."""
     try:
-        evaluate = load()
+        with np.errstate(**_SILENT):
+            evaluate = load()
     except OSError as error:
         raise NacreError(f"cannot read {path}: {error.strerror}") from error
-    views = _above(view)
-    for direction, raised in zip(light, _above(light), strict=True):
-        values = np.zeros((len(views), len(CHANNELS)), np.float32)
-        if direction[2] > _LEAST_COSINE:
-            # What overflows is found when the samples are written.
-            with np.errstate(over="ignore", invalid="ignore"):
-                values[...] = evaluate(raised, views)
-        yield values[:, None, None]
+    step = max(1, _PAIRS // len(view))
+    for first in range(0, len(light), step):
+        chunk = light[first : first + step]
+        pairs = np.repeat(_above(chunk), len(view), 0), np.tile(_above(view), (len(chunk), 1))
+        with np.errstate(**_SILENT):
+            values = evaluate(*pairs).astype(np.float32)
+        values = values.reshape(len(chunk), len(view), 1, 1, len(CHANNELS))
+        values[chunk[:, 2] <= _LEAST_COSINE] = 0.0
+        yield values
 
 
 def _above(directions: np.ndarray) -> np.ndarray:

@@ -28,7 +28,6 @@ OPTIONS = uniform_brdf.OPTIONS | {"gamma", "white"}
 _SHAPE = (3, 6, 48, 6, 48)
 _THETA_STEP = 15.0
 _PHI_STEP = 7.5
-_SIZE = 8 * math.prod(_SHAPE)
 # Nothing says what the files hold but their size: what is beyond this is no reflectance.
 _LARGEST = 1e6
 
@@ -36,7 +35,7 @@ _LARGEST = 1e6
 def matches(path: Path) -> bool:
     """Whether the name, the size and the range of values are those of such a file."""
     try:
-        if path.suffix.lower() not in EXTENSIONS or path.stat().st_size != _SIZE:
+        if path.suffix.lower() not in EXTENSIONS or path.stat().st_size != _size():
             return False
         return _is_plausible(np.fromfile(path, "<f8"))
     except OSError:
@@ -51,9 +50,9 @@ def open_source(path: Path, options: Options) -> Source:
     """
     try:
         size = path.stat().st_size
-        if size != _SIZE:
+        if size != _size():
             raise NacreError(
-                f"{path.name} has {size} bytes; a UTIA BRDF is of {_SIZE}: 3 x 288 x 288 doubles"
+                f"{path.name} has {size} bytes; a UTIA BRDF is of {_size()}: 3 x 288 x 288 doubles"
             )
         stored = np.fromfile(path, "<f8")
     except OSError as error:
@@ -82,8 +81,13 @@ def open_source(path: Path, options: Options) -> Source:
         size,
         conversions,
         {"measured": [288, 288]},
+        5 * size,  # as stored and decoded, and three times on the way
         lambda: _evaluator(_decoded(stored, gamma) / white),
     )
+
+
+def _size() -> int:
+    return 8 * math.prod(_SHAPE)
 
 
 def _asked(option: object) -> str:
@@ -91,7 +95,8 @@ def _asked(option: object) -> str:
 
 
 def _is_plausible(values: np.ndarray) -> bool:
-    return bool(np.all(np.abs(values) <= _LARGEST))  # false for NaN
+    with np.errstate(invalid="ignore"):
+        return bool(np.all(np.abs(values) <= _LARGEST))  # false for NaN
 
 
 def _decoded(values: np.ndarray, gamma: float | str) -> np.ndarray:
@@ -106,12 +111,14 @@ def _evaluator(table: np.ndarray) -> Evaluate:
     _, thetas, phis, _, _ = _SHAPE
     table = table.reshape(3, thetas * phis, thetas * phis)
 
-    def evaluate(light: np.ndarray, views: np.ndarray) -> np.ndarray:
-        rows, weights = _neighbours(light[None])
-        lit = np.einsum("k,ckv->cv", weights[:, 0], table[:, rows[:, 0]])
-        columns, weights = _neighbours(views)
-        values: np.ndarray = np.einsum("kn,ckn->nc", weights, lit[:, columns])
-        return values * light[2]
+    def evaluate(light: np.ndarray, view: np.ndarray) -> np.ndarray:
+        rows, row_weights = _neighbours(light)
+        columns, column_weights = _neighbours(view)
+        values = np.zeros((len(light), 3))
+        for row, row_weight in zip(rows, row_weights, strict=True):
+            for column, column_weight in zip(columns, column_weights, strict=True):
+                values += (row_weight * column_weight * table[:, row, column]).T
+        return values * light[:, 2:]
 
     return evaluate
 

@@ -89,3 +89,13 @@ def above_0(text: str) -> float:
     if not 0.0 < value < inf:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
     return value
+
+
+def gamma(text: str) -> float | str:
+    """An exponent above 0, or "srgb"."""
+    if text == "srgb":
+        return text
+    try:
+        return above_0(text)
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0 or srgb") from None

@@ -54,7 +54,7 @@ def write(folder, file):
 def samples(path, **options):
     """(light, view, channel)."""
     source = rgl.open_source(path, Options(**options))
-    return np.stack(list(source.blocks())).reshape(*source.shape)[:, :, 0, 0]
+    return np.concatenate(list(source.blocks())).reshape(*source.shape)[:, :, 0, 0]
 
 
 def test_every_kind_of_file_has_values_of_mitsubas(mitsuba):
@@ -120,6 +120,22 @@ def test_values_below_0_and_what_is_no_number_are_0(tmp_path):
     values = samples(path)
     assert (values[..., 0] > 0).all()
     assert (values[..., 1:] == 0).all()
+
+
+SIGNALLING_NAN = np.array([0x7F800001], "<u4").view("<f4")
+
+
+def test_no_kind_of_nan_shows_as_a_warning(tmp_path):
+    """Bytes that a processor complains about when it converts them."""
+    fields = RglFile(0, SPECTRA).fields()
+    path = tmp_path / "a.bsdf"
+    fields["spectra"][:, :, 1] = SIGNALLING_NAN
+    path.write_bytes(tensor_file(fields))
+    assert np.isfinite(samples(path)).all()
+    fields["wavelengths"][1:2] = SIGNALLING_NAN
+    path.write_bytes(tensor_file(fields))
+    with pytest.raises(NacreError, match="wavelengths do not increase"):
+        describe_source(path)
 
 
 def test_what_could_not_be_measured_is_0(tmp_path):
@@ -210,6 +226,10 @@ LARGER = np.ones((2, 2, 2, 2), "<f4")
         (
             RglFile(0, SPECTRA, changes={"wavelengths": np.array([400, 500], "<f4")}),
             r"spectra has the shape \(1, 4, 6, 6, 6\); expected \(1, 4, 2, 2 or more, 2 or more\)",
+        ),
+        (
+            RglFile(0, SPECTRA, changes={"wavelengths": np.arange(5000, dtype="<f4")}),
+            "has 5000 wavelengths in the field wavelengths; up to 512 are read",
         ),
         (PolarisedFile(changes={"wvls": None}), "has no field wvls"),
         (PolarisedFile(changes={"wvls": np.array([450, 500], "<u2")}), "M has the shape"),

@@ -24,7 +24,7 @@ def write(tmp_path):
 def samples(path, **options):
     """(light, view, channel)."""
     source = utia_brdf.open_source(path, Options(**options))
-    return np.stack(list(source.blocks())).reshape(*source.shape)[:, :, 0, 0]
+    return np.concatenate(list(source.blocks())).reshape(*source.shape)[:, :, 0, 0]
 
 
 @pytest.fixture

@@ -89,7 +89,7 @@ def test_the_summary_is_json(source):
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
     assert set(summary) - {"layout"} == {
         "format", "light", "view", "width", "height", "channels", "colour_model", "cosine_flag",
-        "components", "bytes", "samples_bytes", "conversions",
+        "components", "bytes", "samples_bytes", "memory_bytes", "conversions",
     }  # fmt: skip
 
 

@@ -72,7 +72,10 @@ def test_claims_beyond_the_file_are_refused_before_anything_is_read(write):
     data = tensor_file({"a": np.arange(6.0)})
     count = len(MAGIC)
     claims = data[:count] + struct.pack("<I", 2**32 - 1) + data[count + 4 :]
-    assert "field" in refusal(write(claims))
+    assert "claims 4294967295 fields" in refusal(write(claims))
+    empty = tensor_file({"a": np.zeros(0)})
+    claims = empty[:count] + struct.pack("<I", 900) + empty[count + 4 :]
+    assert "cut short or damaged: it ends in field 2's name" in refusal(write(claims))
     huge = tensor_file({"a": np.arange(6.0)}, {"a": (2**62, 2**62)})
     assert "the field a needs" in refusal(write(huge))
     many = tensor_file({"a": np.arange(6.0)}, {"a": (1,) * 17})

@@ -23,7 +23,6 @@ def main() -> None:
     parser.add_argument("--merge", action="store_true")
     options = parser.parse_args()
     module = harness.target(options.name)
-    reader = harness.reader_of(module)
 
     corpus, work = harness.CORPUS / options.name, ROOT / "build" / "fuzz" / options.name
     for folder in (corpus, work):
@@ -46,7 +45,7 @@ def main() -> None:
         ]
 
     def test_one(data: bytes) -> None:
-        harness.read(reader, module.SUFFIX, data)
+        harness.read(module, data)
 
     atheris.Setup([sys.argv[0], *limits, *arguments], test_one)
     atheris.Fuzz()

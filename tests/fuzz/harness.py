@@ -14,7 +14,7 @@ import threading
 import tracemalloc
 import warnings
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -55,19 +55,22 @@ def inputs(name: str) -> dict[str, bytes]:
     return target(name).seeds() | found
 
 
-def read(reader: str, suffix: str, data: bytes) -> str | None:
+def read(module: ModuleType, data: bytes) -> str | None:
     """Describe and read a file with these bytes; returns the error that it was refused with.
+
+    A target whose files are large has `smaller()`, a context in which the reader takes small ones.
 
     Raises AssertionError for too much memory and for an error that is not one line, and whatever
     the reader raises besides NacreError.
     """
-    path = _folder() / f"input{suffix}"
+    smaller = getattr(module, "smaller", nullcontext)
+    path = _folder() / f"input{module.SUFFIX}"
     path.write_bytes(data)
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), smaller():
         warnings.simplefilter("error")
         tracemalloc.start()
         try:
-            _read(reader, path)
+            _read(reader_of(module), path)
             return None
         except NacreError as error:
             assert str(error)

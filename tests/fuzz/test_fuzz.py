@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.fuzz.harness import TARGETS, inputs, read, reader_of, target, time_limit
+from tests.fuzz.harness import TARGETS, inputs, read, target, time_limit
 from tests.fuzz.mutations import damaged
 
 COUNT = 1000
@@ -15,7 +15,7 @@ def test_seeds_are_read(name):
     assert len(seeds) > 1
     for label, data in seeds.items():
         with time_limit():
-            assert read(reader_of(module), module.SUFFIX, data) is None, label
+            assert read(module, data) is None, label
 
 
 @pytest.mark.parametrize("name", TARGETS)
@@ -24,7 +24,7 @@ def test_what_was_found_before(name):
     for label, data in inputs(name).items():
         try:
             with time_limit():
-                read(reader_of(module), module.SUFFIX, data)
+                read(module, data)
         except BaseException as error:
             raise AssertionError(f"{name}: {label}") from error
 
@@ -37,7 +37,7 @@ def test_damaged_files(name):
     for number, data in enumerate(damaged(files, COUNT, seed=1)):
         try:
             with time_limit():
-                refused += read(reader_of(module), module.SUFFIX, data) is not None
+                refused += read(module, data) is not None
         except BaseException as error:
             raise AssertionError(f"{name}: damaged file {number}: {data!r}") from error
     # Neither all the same: the changes reach what is behind the checks, and the checks.
