@@ -23,7 +23,10 @@ class Files(ABC):
 
     @abstractmethod
     def names(self) -> list[str]:
-        """All files but those that some systems keep beside the user's; may name one twice."""
+        """All files but those that some systems keep beside the user's; may name one twice.
+
+        Names are printable, so that an error has one line.
+        """
 
     @abstractmethod
     def size(self, name: str) -> int:
@@ -119,7 +122,8 @@ class _Folder(Files):
 
 
 def _is_users(path: PurePosixPath) -> bool:
-    return bool(path.parts) and "__MACOSX" not in path.parts and not path.name.startswith(".")
+    hidden = "__MACOSX" in path.parts or path.name.startswith(".")
+    return bool(path.parts) and str(path).isprintable() and not hidden
 
 
 def _reason(error: Exception) -> str:

@@ -120,7 +120,8 @@ def _channels(header: _Header, name: str) -> tuple[str | tuple[float, ...], list
             return colours, list(colours)
     if names == ["Y"]:
         return "RGB", ["Y", "Y", "Y"]
-    listed = ", ".join(names[:5]) + ("..." if len(names) > 5 else "")
+    shown = [text if text.isprintable() else ascii(text) for text in names[:5]]
+    listed = ", ".join(shown) + ("..." if len(names) > 5 else "")
     raise NacreError(
         f"{name} has the channels {listed}; expected R, G, B or X, Y, Z or wavelengths"
     )
