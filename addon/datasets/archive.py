@@ -85,6 +85,7 @@ class _Zip(Files):
 class _Folder(Files):
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._resolved = path.resolve()
 
     def names(self) -> list[str]:
         names = []
@@ -116,7 +117,7 @@ class _Folder(Files):
         if PureWindowsPath(name).anchor or ".." in PureWindowsPath(name).parts or "\0" in name:
             raise NacreError(f"{name!r} is outside of the folder {self._path.name}")
         path = self._path / name
-        if not path.resolve().is_relative_to(self._path.resolve()):
+        if not path.resolve().is_relative_to(self._resolved):
             raise NacreError(f"{name} leads out of the folder {self._path.name}")
         return path
 
