@@ -23,7 +23,10 @@ class Files(ABC):
 
     @abstractmethod
     def names(self) -> list[str]:
-        """All files but those that some systems keep beside the user's; may name one twice."""
+        """All files but those that some systems keep beside the user's; may name one twice.
+
+        Names are printable, so that an error has one line.
+        """
 
     @abstractmethod
     def size(self, name: str) -> int:
@@ -82,6 +85,7 @@ class _Zip(Files):
 class _Folder(Files):
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._resolved = path.resolve()
 
     def names(self) -> list[str]:
         names = []
@@ -113,13 +117,14 @@ class _Folder(Files):
         if PureWindowsPath(name).anchor or ".." in PureWindowsPath(name).parts or "\0" in name:
             raise NacreError(f"{name!r} is outside of the folder {self._path.name}")
         path = self._path / name
-        if not path.resolve().is_relative_to(self._path.resolve()):
+        if not path.resolve().is_relative_to(self._resolved):
             raise NacreError(f"{name} leads out of the folder {self._path.name}")
         return path
 
 
 def _is_users(path: PurePosixPath) -> bool:
-    return bool(path.parts) and "__MACOSX" not in path.parts and not path.name.startswith(".")
+    hidden = "__MACOSX" in path.parts or path.name.startswith(".")
+    return bool(path.parts) and str(path).isprintable() and not hidden
 
 
 def _reason(error: Exception) -> str:

@@ -99,9 +99,7 @@ def image_source(
     Reads the first image. Raises NacreError when it cannot be read, or when one is missing.
     """
     with open_files(folder) as files:
-        size = sum(files.size(name) for name in grid.names)
-        if folder.is_file():
-            size = folder.stat().st_size
+        sizes = [files.size(name) for name in grid.names]
         first = decode(files.read(grid.names[0]), grid.names[0])
     decoding = choose_decoding(first, encoding, options)
     kind = _kind(first)
@@ -122,7 +120,7 @@ def image_source(
         patch_size=patch_size,
         conversions=[*decoding.conversions, *notes, scale],
         details={},
-        bytes=size,
+        bytes=folder.stat().st_size if folder.is_file() else sum(sizes),
         blocks=partial(_blocks, folder, grid, kind, decoding, light[:, 2]),
     )
 

@@ -48,14 +48,16 @@ class Decoding:
 
     def values(self, pixels: np.ndarray, cosine: float) -> np.ndarray:
         """Values (..., 3) float32 of pixels (..., band), all lit by a light of this cosine."""
-        factor = np.float32((1.0 if self.has_cosine else cosine) / self.white)
-        if self.table is not None:
-            linear = self.table[pixels]
-        else:
-            linear = _linear(pixels.astype(np.float32), self.curve)
-        if self.matrix is not None:
-            linear = linear @ self.matrix.T
-        linear *= factor
+        factor = (1.0 if self.has_cosine else cosine) / self.white
+        # What becomes infinite is found, with its place, when it is written.
+        with np.errstate(over="ignore", invalid="ignore"):
+            if self.table is not None:
+                linear = self.table[pixels]
+            else:
+                linear = _linear(pixels.astype(np.float32), self.curve)
+            if self.matrix is not None:
+                linear = linear @ self.matrix.T
+            linear *= np.float32(factor)
         return linear
 
 

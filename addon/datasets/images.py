@@ -54,13 +54,13 @@ def decode(data: bytes, name: str) -> Image:
         pixels, bands, notes = radiance_hdr.read(data, name)
         image = Image(pixels, bands, notes=notes)
     else:
-        image = _decode_8_bit(data, name)
+        image = _decode_with_pillow(data, name)
     if image.pixels.dtype.kind == "f" and not np.isfinite(image.pixels).all():
         raise NacreError(f"{name} has values that are not finite numbers")
     return image
 
 
-def _decode_8_bit(data: bytes, name: str) -> Image:
+def _decode_with_pillow(data: bytes, name: str) -> Image:
     try:
         import PIL.Image
     except ImportError as error:

@@ -108,6 +108,8 @@ def _angles(cells: dict[str, str], axis: str, place: str) -> Angles:
 
 def _file(name: str, files: Files, place: str) -> str:
     name = name.replace("\\", "/")
+    if not name.isprintable():
+        raise NacreError(f"{place}: {name!r} is no file")
     try:
         files.size(name)
     except NacreError as error:

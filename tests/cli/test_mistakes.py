@@ -32,7 +32,7 @@ MISTAKES = [
     ("info " + "n" * 300, "n"),
     ("import absent.btf d.nacre", "absent.btf"),
     ("import some.csv d.nacre", "some.csv"),
-    ("import good.btf d.nacre --format exr", "exr", "btf, ", "ubo2003"),
+    ("import good.btf d.nacre --format exr", "exr", "choose from btf, "),
     ("import good.btf absent/d.nacre", "absent"),
     ("import small.nacre d.nacre", "already"),
     ("export absent.nacre m.btf", "absent.nacre"),

@@ -29,6 +29,7 @@ FILES = {
     ".hidden": b"",
     "__MACOSX/a.png": b"",
     "deep/.DS_Store": b"",
+    "Icon\r": b"",
 }
 
 

@@ -179,6 +179,7 @@ def two_parts(folder):
     ("data", "says"),
     [
         (exr_of(FLOATS, "ABC"), "has the channels A, B, C; expected"),
+        (exr_of(FLOATS, ("A", "B\n", "C")), r"has the channels A, 'B\\n', C; expected"),
         (exr_of(FLOATS, ("400", "400nm", "500")), "several channels of one wavelength"),
         (exr_of(FLOATS.astype(np.uint32)), "whole numbers as pixels"),
         (exr_of(np.where(FLOATS < 0.1, np.nan, FLOATS)), "values that are not finite"),

@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 
 import numpy as np
 import pytest
@@ -18,8 +19,11 @@ from image_zips import (
 )
 from picture_files import exr_of, from_rgbe, hdr, rgbe
 
+from addon.datasets import image_grid
 from addon.datasets.colour import spectrum_to_rec709, srgb_to_linear, xyz_to_rec709
 from addon.datasets.importing import describe_source, detect_format, import_dataset
+from addon.datasets.options import Options
+from addon.datasets.utia import open_source
 from addon.errors import NacreError
 
 COSINES = np.cos(np.radians([theta for theta, _ in LIGHTS]))[:, None, None, None, None]
@@ -265,3 +269,31 @@ def test_values_beyond_half_floats_are_kept(tmp_path):
     dataset = imported(tmp_path, {name: hdr(bright) for name in atrium()[1]})
     assert dataset.samples.dtype == np.float32
     np.testing.assert_allclose(dataset.samples, 1e6, rtol=0.01)
+
+
+def test_what_becomes_infinite_is_one_clear_error(tmp_path):
+    bright = np.full((3, 8, 3), 3e38, np.float32)
+    files = {name: exr_of(bright) for name in utia_exr()[1]}
+    with pytest.raises(
+        NacreError, match="the value at light 0, view 0, y 0, x 0, channel 0 is not"
+    ):
+        imported(tmp_path, files)
+
+
+def test_few_images_are_held_at_a_time(tmp_path, monkeypatch):
+    """Two lights' worth of views do not fit into a block here, nor do two views."""
+    images, files = utia_exr()
+    source = open_source(write_zip(tmp_path / "cloth.zip", files), Options())
+    shape = (1, *source.shape[2:])
+    whole = np.concatenate(list(source.blocks()))
+    monkeypatch.setattr(image_grid, "BLOCK_BYTES", 4 * np.prod(shape) + 4)
+    blocks = list(source.blocks())
+    assert [block.shape for block in blocks] == [shape] * len(images)
+    np.testing.assert_array_equal(np.concatenate(blocks), whole)
+
+
+def test_without_openexr_it_is_said_what_to_install(tmp_path, monkeypatch):
+    path = write_zip(tmp_path / "cloth.zip", utia_exr()[1])
+    monkeypatch.setitem(sys.modules, "OpenEXR", None)
+    with pytest.raises(NacreError, match="needs the Python package OpenEXR: install it"):
+        describe_source(path)

@@ -117,6 +117,7 @@ def replaced(number, line):
         (replaced(2, "..\\a.png,40,0,0,0"), "line 4: '../a.png' is outside of the folder"),
         (replaced(2, "/a.png,40,0,0,0"), "line 4: '/a.png' is outside of the folder"),
         (replaced(2, "pictures,40,0,0,0"), "line 4: 'pictures' is no file"),
+        (replaced(2, '"a\nb",40,0,0,0'), r"line 5: 'a\\nb' is no file"),
         (replaced(2, ",40,0,0,0"), "line 4: '' is no file"),
         (replaced(2, "pictures/l0 v0.bmp,0,0,0,360"), "line 4: the same directions as in line 2"),
         (lambda lines: [], "list.csv lists no images"),
