@@ -7,6 +7,7 @@ frames and the RGB scale factors of the header are not applied, as btflib does n
 
 import math
 from collections.abc import Generator
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -140,15 +141,15 @@ def _patch_size(header: Header, asked_width: float | None) -> tuple[tuple[float,
 def _blocks(path: Path, contents: Contents, to_rgb: ToRgb, scaled: bool) -> Generator[np.ndarray]:
     """Samples (light, view, texel, channel)."""
     cosines = contents.header.light[:, 2].astype(np.float32)
-    pieces = contents.pieces(path)
-    while True:
-        # Overflow is let through to the writer, which knows the sample's place.
-        with np.errstate(over="ignore", invalid="ignore"):
-            lights, planes = next(pieces, (None, None))
-            if planes is None:
-                return
-            block = np.ascontiguousarray(np.moveaxis(to_rgb(planes), 0, -1))
-            if scaled:
-                factors = cosines[lights, None, None, None]
-                np.multiply(block, factors, out=block, casting="same_kind")
-        yield block
+    with closing(contents.pieces(path)) as pieces:
+        while True:
+            # Overflow is let through to the writer, which knows the sample's place.
+            with np.errstate(over="ignore", invalid="ignore"):
+                lights, planes = next(pieces, (None, None))
+                if planes is None:
+                    return
+                block = np.ascontiguousarray(np.moveaxis(to_rgb(planes), 0, -1))
+                if scaled:
+                    factors = cosines[lights, None, None, None]
+                    np.multiply(block, factors, out=block, casting="same_kind")
+            yield block

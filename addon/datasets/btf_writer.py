@@ -56,7 +56,7 @@ def write_btf(
 
     `components` are those of each channel, or of three: red, green and blue of the colour model 0,
     which has the least squared error; Y, U and V of 11, in which errors look alike in the dark and
-    in the light, and luminance below 0 becomes 0. Factors are half floats, or single ones where
+    in the light, and values below 0 become 0. Factors are half floats, or single ones where
     they are too large. Only a block of samples and the factors are ever in memory; the samples are
     read five times.
 
@@ -157,8 +157,10 @@ def _encoded(planes: np.ndarray, model: ColourModel) -> np.ndarray:
     """Linear RGB (channel, ...) to what is factorised."""
     if model.number == LINEAR:
         return planes
-    y, u, v = np.tensordot(np.linalg.inv(YUV_TO_RGB).astype(np.float32), planes, 1)
-    shifted = np.maximum(y, 0) + LOG_OFFSET
+    # Without negative values the ratios are bounded, down to black.
+    positive = np.maximum(planes, 0)
+    y, u, v = np.tensordot(np.linalg.inv(YUV_TO_RGB).astype(np.float32), positive, 1)
+    shifted = y + LOG_OFFSET
     return np.stack([np.log(shifted), u / shifted, v / shifted])
 
 

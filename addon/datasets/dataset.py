@@ -206,7 +206,7 @@ class DatasetWriter:
         block = np.ascontiguousarray(array)
         if self._file is None or self._written + block.size > self._total:
             raise ValueError(f"array: more samples than the dataset's shape {self.shape} holds")
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
             stored = block.astype(self.dtype, copy=False)
         if not np.isfinite(stored).all():
             raise self._value_error(block, stored, place)

@@ -24,7 +24,7 @@ def test_export_and_import(nacre_json, tmp_path, small, name, options, format):
     assert info["bytes"] == said["bytes"]
     nacre_json("import", tmp_path / name, tmp_path / "back.nacre")
     back = open_dataset(tmp_path / "back.nacre")
-    # JPEG on the one hand, half floats and luminance below 0 on the other.
+    # JPEG on the one hand, half floats and values below 0 on the other.
     expected = np.clip(small.samples, 0, 1) if format == "ubo2003" else np.asarray(small.samples)
     error = np.abs(back.samples - expected).mean() / np.abs(expected).mean()
     assert error < (0.1 if format == "ubo2003" else 0.01)

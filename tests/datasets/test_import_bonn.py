@@ -110,11 +110,25 @@ def test_bdi_in_small_pieces(tmp_path, compression, monkeypatch):
     file = BdiFile(compression=compression, mask=MASK, rotations=np.ones((1, 3, 3)), cosine_flag=0)
     texel = len(file.light) * len(file.view) * 3 * 2
     for texels in (1, 2, 5, 7, 15):
-        monkeypatch.setattr(bdi, "BLOCK_BYTES", texels * texel // 2)
+        monkeypatch.setattr(bdi, "BLOCK_BYTES", -(-texels * texel * 2 // 3))
         dataset = imported(tmp_path, file)
         np.testing.assert_allclose(
             dataset.samples, file.expected(times_cosine=True), rtol=1e-3, atol=1e-7
         )
+
+
+@pytest.mark.parametrize("make", [FmfFile, PvfFile, BdiFile])
+def test_memory_is_that_of_factors_and_a_block(tmp_path, make, monkeypatch):
+    directions = tuple((0.07 * i, 0.3 * i) for i in range(20))
+    path = save(tmp_path, make(light=directions, view=directions, width=32, height=40))
+    for module in (bdi, contents):
+        monkeypatch.setattr(module, "BLOCK_BYTES", 50_000)
+    tracemalloc.start()
+    dataset = import_dataset(path, tmp_path / "a.nacre")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert dataset.samples.nbytes > 3_000_000
+    assert peak < 600_000
 
 
 @pytest.mark.parametrize("make", [FmfFile, PvfFile, BdiFile])

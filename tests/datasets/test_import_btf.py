@@ -246,6 +246,12 @@ def test_blocks_are_bounded_and_contiguous(tmp_path, monkeypatch):
         (BtfFile(light=()), "has no lights"),
         (BtfFile(light=((0.0, 0.0), (2.0, 0.0))), "light 1 has theta 114.592"),
         (BtfFile(view=((0.0, np.nan),)), "view 0 has .* phi nan"),
+        (
+            BtfFile(view=((0.0, 0.25),))
+            .to_bytes()
+            .replace(struct.pack("<2fI", 0, 0.25, 3), struct.pack("<f2I", 0, 0x7F800001, 3)),
+            "view 0 has .* phi nan",  # a signalling one
+        ),
         (BtfFile(width=0), "0 x 4 texels"),
         (BtfFile(components=(1, 0, 1)), "channel 2 has no components"),
         (BtfFile(trailing=b"\0"), "1 bytes follow its end"),
@@ -295,7 +301,12 @@ def test_absurd_sizes_are_refused_before_memory_is_taken(tmp_path, data, says):
     assert peak < 500_000
 
 
-@pytest.mark.parametrize(("value", "scalar"), [(np.nan, 4), (-np.inf, 2), (1e300, 8)])
+SIGNALLING = np.array(0x7F800001, "<u4").view("<f4")
+
+
+@pytest.mark.parametrize(
+    ("value", "scalar"), [(np.nan, 4), (-np.inf, 2), (1e300, 8), (SIGNALLING, 4)]
+)
 def test_a_factor_that_is_not_finite_is_named(tmp_path, value, scalar):
     file = BtfFile(scalars=(4, scalar, 4))
     data = bytearray(file.to_bytes())

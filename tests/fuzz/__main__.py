@@ -6,6 +6,7 @@ corpus in the tests instead of fuzzing. Needs atheris (requirements/fuzz.txt).
 
 import argparse
 import sys
+import tempfile
 from pathlib import Path
 
 import atheris
@@ -26,6 +27,7 @@ def main() -> None:
     corpus, work = harness.CORPUS / options.name, ROOT / "build" / "fuzz" / options.name
     for folder in (corpus, work):
         folder.mkdir(parents=True, exist_ok=True)
+    tempfile.tempdir = str(work.parent)  # libFuzzer ends the process without tidying up
     seeds = module.seeds()
     for label, data in seeds.items():
         (work / f"seed-{label}").write_bytes(data)

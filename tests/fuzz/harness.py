@@ -4,6 +4,9 @@ Whatever the bytes, a reader gives blocks or raises NacreError with one line. It
 anything else, warns, takes memory that the file does not need, or hangs.
 """
 
+import atexit
+import functools
+import shutil
 import signal
 import sys
 import tempfile
@@ -55,16 +58,15 @@ def inputs(name: str) -> dict[str, bytes]:
 def read(module: ModuleType, data: bytes) -> str | None:
     """Describe and read a file with these bytes; returns the error that it was refused with.
 
-    A target whose files are large has `smaller()`, a context in which the reader takes small ones.
-
-    Raises AssertionError for too much memory and for an error that is not one line, and whatever
-    the reader raises besides NacreError.
+    A target may have `wrap(data)`, which makes the file's bytes of the input, and `smaller()`, a
+    context in which the reader of large files takes small ones. Raises AssertionError for too much
+    memory and for an error that is not one line, and whatever the reader raises besides NacreError.
     """
+    path = _folder() / f"input{module.SUFFIX}"
+    path.write_bytes(getattr(module, "wrap", bytes)(data))
     smaller = getattr(module, "smaller", nullcontext)
-    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(), smaller():
+    with warnings.catch_warnings(), smaller():
         warnings.simplefilter("error")
-        path = Path(folder) / f"input{module.SUFFIX}"
-        path.write_bytes(data)
         tracemalloc.start()
         try:
             _read(reader_of(module), path)
@@ -77,6 +79,14 @@ def read(module: ModuleType, data: bytes) -> str | None:
             peak = tracemalloc.get_traced_memory()[1]
             tracemalloc.stop()
             assert peak < _MEMORY + _MEMORY_PER_BYTE * len(data), f"{peak} bytes of memory"
+
+
+@functools.cache
+def _folder() -> Path:
+    """One for all inputs: making folders takes longer than reading files."""
+    folder = tempfile.mkdtemp(prefix="nacre-fuzz-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 def _read(reader: str, path: Path) -> None:

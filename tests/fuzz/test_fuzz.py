@@ -5,7 +5,7 @@ import pytest
 from tests.fuzz.harness import TARGETS, inputs, read, target, time_limit
 from tests.fuzz.mutations import damaged
 
-COUNT = 1500
+COUNT = 1000
 
 
 @pytest.mark.parametrize("name", TARGETS)

@@ -98,7 +98,7 @@ def _pieces(
     shape = (len(header.view), len(header.light), header.channels)
     # Large pieces, since each is scattered over all images of the dataset; spectral ones become
     # single precision on their way to RGB.
-    most = 2 * BLOCK_BYTES if header.channels == 3 else BLOCK_BYTES // 2
+    most = 3 * BLOCK_BYTES // 2 if header.channels == 3 else BLOCK_BYTES // 2
     step = max(1, most // _texel_bytes(header))
     edges = [*range(0, header.texels, step), header.texels]
     try:

@@ -1,7 +1,6 @@
 """What all layouts begin with: signature, header, directions, image size, rotations."""
 
 import io
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -118,14 +117,16 @@ def read_directions(cursor: Cursor) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _unit(radians: np.ndarray, cursor: Cursor, what: str) -> np.ndarray:
-    angles = np.degrees(radians.astype(np.float64))
-    for index, (theta, phi) in enumerate(angles):
-        if not (math.isfinite(theta) and math.isfinite(phi) and is_above_horizon(theta)):
-            raise cursor.damaged(
-                f"{what} {index} has theta {theta:.6g} and phi {phi:.6g} degrees, which is no "
-                "direction above the surface"
-            )
-    return spherical_to_unit(angles[:, 0], angles[:, 1])
+    with np.errstate(invalid="ignore"):  # a signalling NaN
+        theta, phi = np.degrees(radians.astype(np.float64)).T
+    good = is_above_horizon(theta) & np.isfinite(phi)  # a theta of NaN is not above it
+    if not good.all():
+        index = int(np.argmin(good))
+        raise cursor.damaged(
+            f"{what} {index} has theta {theta[index]:.6g} and phi {phi[index]:.6g} degrees, which "
+            "is no direction above the surface"
+        )
+    return spherical_to_unit(theta, phi)
 
 
 def read_size(cursor: Cursor) -> tuple[int, int]:

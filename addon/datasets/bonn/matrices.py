@@ -31,7 +31,7 @@ class Matrix:
             raise NacreError(f"cannot read {path}: {error.strerror}") from error
         if raw.size != count:
             raise NacreError(f"{path.name} was cut short while it was read")
-        with np.errstate(over="ignore", under="ignore"):
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
             values = raw.reshape(self.rows, self.columns)[:, : self.used].astype(np.float32)
         finite = np.isfinite(values).all(axis=1)
         if not finite.all():
