@@ -298,6 +298,10 @@ def _open_polarised(file: TensorFile) -> _Polarised:
     axes = []
     for key in ("phi_d", "theta_d", "theta_h"):
         field = file.field(key, "f4", 2)
+        if field.shape[0] > 1:
+            raise NacreError(
+                f"{name} is damaged: the field {key} has the shape {field.shape}; expected one row"
+            )
         # Files exist whose shape is (0, n), with n values all the same.
         listed = file.reshaped(field, field.shape[1:])
         axes.append(_increasing(file.read(listed), key, name))

@@ -86,7 +86,7 @@ class ImportOptions:
         options={"SKIP_SAVE"},
     )
     directions: StringProperty(
-        name="Directions",
+        name="Direction List",
         description="CSV file of directions: theta,phi in degrees, of each mask's view, or of the "
         "lights and views that a BRDF is sampled at; for images a line of angles each",
         subtype="FILE_PATH",

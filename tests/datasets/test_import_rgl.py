@@ -234,6 +234,7 @@ LARGER = np.ones((2, 2, 2, 2), "<f4")
         (PolarisedFile(changes={"wvls": None}), "has no field wvls"),
         (PolarisedFile(changes={"wvls": np.array([450, 500], "<u2")}), "M has the shape"),
         (PolarisedFile(changes={"phi_d": np.ones((1, 9), "<f4")}), "phi_d do not increase"),
+        (PolarisedFile(changes={"phi_d": np.ones((2, 9), "<f4")}), r"\(2, 9\); expected one row"),
     ],
 )
 def test_damaged_files_are_refused_in_one_line(file, message, tmp_path):

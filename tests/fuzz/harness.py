@@ -58,14 +58,13 @@ def inputs(name: str) -> dict[str, bytes]:
 def read(module: ModuleType, data: bytes) -> str | None:
     """Describe and read a file with these bytes; returns the error that it was refused with.
 
-    A target whose files are large has `smaller()`, a context in which the reader takes small ones.
-
-    Raises AssertionError for too much memory and for an error that is not one line, and whatever
-    the reader raises besides NacreError.
+    A target may have `wrap(data)`, which makes the file's bytes of the input, and `smaller()`, a
+    context in which the reader of large files takes small ones. Raises AssertionError for too much
+    memory and for an error that is not one line, and whatever the reader raises besides NacreError.
     """
-    smaller = getattr(module, "smaller", nullcontext)
     path = _folder() / f"input{module.SUFFIX}"
-    path.write_bytes(data)
+    path.write_bytes(getattr(module, "wrap", bytes)(data))
+    smaller = getattr(module, "smaller", nullcontext)
     with warnings.catch_warnings(), smaller():
         warnings.simplefilter("error")
         tracemalloc.start()

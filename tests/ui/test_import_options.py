@@ -154,3 +154,59 @@ def test_in_the_window_what_is_not_shown_does_not_count(brdf, monkeypatch):
     assert options == {"lights": "uniform:3"}
     operator._in_window = False
     assert import_btf.NACRE_OT_import_btf._options(operator, takes) == operator.chosen_options()
+
+
+class Dialog(import_options.ImportOptions):
+    """The operator as its dialog draws it."""
+
+    draw = import_btf.NACRE_OT_import_btf.draw
+    _takes = import_btf.NACRE_OT_import_btf._takes
+    _options = import_btf.NACRE_OT_import_btf._options
+    _usual_destination = import_btf.NACRE_OT_import_btf._usual_destination
+    _in_window = True
+    cosine = gamma = colour_space = lights = views = "AUTO"
+    white = patch_width = 0.0
+    gamma_power, lights_count, views_count = 2.2, 100, 100
+    directions = destination = ""
+
+    def __init__(self, path, **chosen):
+        self.filepath, self.layout = str(path), DialogLayout()
+        vars(self).update(chosen)
+
+    def shown(self):
+        width = SimpleNamespace(width=340)
+        scale = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))
+        self.draw(SimpleNamespace(region=width, preferences=scale))
+        return self.layout.seen
+
+
+class DialogLayout(Layout):
+    def prop(self, data, name, placeholder=""):
+        assert hasattr(data, name), name
+        self.seen.append(name)
+
+    def label(self, text="", icon="NONE", translate=True):
+        self.seen.append(text)
+
+    def column(self, **_):
+        return self
+
+    row = split = column
+
+
+def test_the_dialog_of_a_brdf_tells_its_size_and_asks_for_directions(brdf):
+    shown = Dialog(brdf).shown()
+    for pair in ("Directions", "81 lights × 81 views"), ("Texels", "1 × 1"), ("On Disk", "79 kB"):
+        assert shown.index(pair[1]) == shown.index(pair[0]) + 1
+    assert shown[-5:] == ["directions", "lights", "views", "patch_width", "destination"]
+    assert "9 lights × 81 views" in Dialog(brdf, lights="UNIFORM", lights_count=9).shown()
+
+
+def test_the_dialog_forgets_what_another_file_was_asked(brdf, sample):
+    """A gamma chosen for images, before a BRDF was clicked on in the file browser."""
+    assert "81 lights × 81 views" in Dialog(brdf, gamma="SRGB").shown()
+    assert Dialog(sample, lights="UBO151").shown()[-3:] == ["cosine", "patch_width", "destination"]
+
+
+def test_the_dialog_before_a_file_is_chosen(tmp_path):
+    assert Dialog(tmp_path).shown()[-1] == "destination"
