@@ -13,7 +13,7 @@ NATIVE_TESTS := build/native-tests
 SANITIZED_TESTS := build/native-tests-sanitized
 
 .DEFAULT_GOAL := help
-.PHONY: help setup .venv missing-packages demo test lint test-native test-sanitizers test-python acceptance bench \
+.PHONY: help setup .venv missing-packages demo test lint test-native test-sanitizers test-python acceptance fuzz bench \
 	extension format clean
 .NOTPARALLEL:
 # Folders of other projects would shadow ours.
@@ -59,6 +59,12 @@ test-sanitizers: .venv ## Run the C++ tests with the address and undefined-behav
 test-python: setup ## Run the Python tests in each environment
 	@if [ -d .venv-311 ]; then .venv-311/bin/python -m pytest; fi
 	@$(PYTHON) -m pytest
+
+# Reader by reader, ten minutes each.
+fuzz: .venv ## Fuzz every reader of measured files, guided by coverage
+	@$(PYTHON) -m pip install --quiet --disable-pip-version-check -r requirements/fuzz.txt
+	@for name in $$($(PYTHON) -c "from tests.fuzz.harness import TARGETS; print(*TARGETS)"); do \
+		$(PYTHON) -m tests.fuzz "$$name" --seconds 600 || exit; done
 
 acceptance: setup ## Run the long tests that `make test` leaves out
 	$(PYTHON) -m pytest -m acceptance

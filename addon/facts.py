@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .datasets.dataset import Dataset, open_dataset
-from .datasets.importing import describe_source
-from .datasets.source import BLOCK_BYTES
+from .datasets.importing import READERS, describe_source, detect_format
 from .errors import NacreError
 
 METHODS = {"nsvd": "N-SVD", "cta": "CTA", "kcta": "K-CTA", "mkcta": "MK-CTA"}
@@ -58,26 +57,53 @@ def model_facts(path: str) -> str:
     return _facts(describe, path)
 
 
-def source_facts(path: str, cosine: int | None) -> str:
-    """What importing a measured file would give, or what is wrong with it; cached by its date."""
-    try:
-        status = os.stat(path)
-    except OSError:
-        return ""
-    return _source_facts(path, cosine, status.st_mtime_ns, status.st_size)
+def source_facts(path: str, **given: Any) -> str:
+    """What importing a measured file would give, or what is wrong with it; cached by its date.
+
+    `given` are fields of Options.
+    """
+    state = _state(path, given.get("directions"))
+    return _source_facts(path, tuple(sorted(given.items())), state) if state else ""
+
+
+def source_takes(path: str, directions: str = "") -> frozenset[str]:
+    """The names of the Options that a measured file's format takes; cached by its date."""
+    state = _state(path, directions)
+    return _source_takes(path, directions, state) if state else frozenset()
+
+
+def _state(*paths: str | None) -> tuple[tuple[int, int], ...]:
+    """Times and sizes of files, that change when the files do; nothing when the first is absent."""
+    found = []
+    for path in paths:
+        try:
+            status = os.stat(path or "")
+            found.append((status.st_mtime_ns, status.st_size))
+        except OSError:
+            if not found:
+                return ()
+    return tuple(found)
 
 
 @lru_cache(maxsize=64)
-def _source_facts(path: str, cosine: int | None, _changed: int, _size: int) -> str:
+def _source_takes(path: str, directions: str, _state: object) -> frozenset[str]:
+    try:
+        return READERS[detect_format(path, directions or None)].OPTIONS
+    except (NacreError, ImportError, OSError):
+        return frozenset()
+
+
+@lru_cache(maxsize=64)
+def _source_facts(path: str, given: tuple[tuple[str, Any], ...], _state: object) -> str:
     def describe() -> dict[str, str]:
-        source = describe_source(path, cosine=cosine)
+        source = describe_source(path, **dict(given))
         samples = source["samples_bytes"]
         return {
             "Directions": _directions(source),
             "Texels": f"{source['width']} × {source['height']}",
             "File": size_text(source["bytes"]),
             "On Disk": size_text(samples),
-            "Memory": f"about {size_text(4 * min(samples, BLOCK_BYTES))}",
+            "Memory": f"about {size_text(source['memory_bytes'])}",
         }
 
     return _facts(describe, path)

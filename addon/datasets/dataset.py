@@ -138,6 +138,7 @@ class DatasetWriter:
         self._written = 0
         self._partial = self.path.with_name(f".{self.path.name}.{secrets.token_hex(4)}.partial")
         self._file: BinaryIO | None = None
+        self._start = 0
 
     @property
     def fraction(self) -> float:
@@ -159,6 +160,7 @@ class DatasetWriter:
                     "shape": self.shape,
                 }
                 np.lib.format.write_array_header_1_0(self._file, header)
+                self._start = self._file.tell()
         except BaseException:
             self._discard()
             raise
@@ -170,18 +172,45 @@ class DatasetWriter:
         Raises HalfOverflowError for a value that float16 cannot hold, NacreError for one that is
         not finite.
         """
+        first = self._written
+        stored = self._stored(array, lambda offset: first + offset)
+        assert self._file is not None
+        with self._disk_errors():
+            self._file.write(stored.reshape(-1).data)
+        self._written += stored.size
+
+    def write_texels(self, array: np.ndarray) -> None:
+        """Write the next texels of all lights and views: (light, view, texel, channel).
+
+        For files that are stored texel by texel; do not mix with `write`, whose errors it raises.
+        """
+        images, texels = math.prod(self.shape[:-3]), math.prod(self.shape[-3:-1])
+        channels = self.shape[-1]
+        first, count = self._written // (images * channels), array.shape[-2]
+
+        def place(offset: int) -> int:
+            image, inside = divmod(offset, count * channels)
+            return (image * texels + first) * channels + inside
+
+        stored = self._stored(array, place)
+        size = self.dtype.itemsize
+        assert self._file is not None
+        with self._disk_errors():
+            for image, part in enumerate(stored.reshape(images, -1)):
+                self._file.seek(self._start + place(image * count * channels) * size)
+                self._file.write(part.data)
+        self._written += stored.size
+
+    def _stored(self, array: np.ndarray, place: Callable[[int], int]) -> np.ndarray:
+        """The samples as they are written; `place` says where in the dataset each of them goes."""
         block = np.ascontiguousarray(array)
         if self._file is None or self._written + block.size > self._total:
             raise ValueError(f"array: more samples than the dataset's shape {self.shape} holds")
-        if block.size == 0:
-            return
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
             stored = block.astype(self.dtype, copy=False)
         if not np.isfinite(stored).all():
-            raise self._value_error(block, stored)
-        with self._disk_errors():
-            self._file.write(stored.data)
-        self._written += block.size
+            raise self._value_error(block, stored, place)
+        return stored
 
     def add_files(self, write: Callable[[Path], None]) -> None:
         """Let `write` put more files into the dataset's folder."""
@@ -218,16 +247,18 @@ class DatasetWriter:
                 self._file.close()
         shutil.rmtree(self._partial, ignore_errors=True)
 
-    def _value_error(self, block: np.ndarray, stored: np.ndarray) -> NacreError:
+    def _value_error(
+        self, block: np.ndarray, stored: np.ndarray, place: Callable[[int], int]
+    ) -> NacreError:
         offset = int(np.argmin(np.isfinite(stored).reshape(-1)))
-        index = np.unravel_index(self._written + offset, self.shape)
-        place = ", ".join(f"{axis} {i}" for axis, i in zip(self._axes, index, strict=True))
+        index = np.unravel_index(place(offset), self.shape)
+        where = ", ".join(f"{axis} {i}" for axis, i in zip(self._axes, index, strict=True))
         value = block.reshape(-1)[offset]
         if np.isfinite(value):
             return HalfOverflowError(
-                f"{self.path.name}: the value {value:g} at {place} is too large for half floats"
+                f"{self.path.name}: the value {value:g} at {where} is too large for half floats"
             )
-        return NacreError(f"{self.path.name}: the value at {place} is not a finite number")
+        return NacreError(f"{self.path.name}: the value at {where} is not a finite number")
 
     @contextmanager
     def _disk_errors(self) -> Iterator[None]:

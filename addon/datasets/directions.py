@@ -35,9 +35,9 @@ def unit_to_spherical(directions: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     return theta, np.where(phi >= 360.0, 0.0, phi)
 
 
-def is_above_horizon(theta_deg: float) -> bool:
-    """Whether a polar angle, possibly negative, points away from the surface."""
-    return abs(theta_deg) <= 90.0 + HORIZON_TOLERANCE
+def is_above_horizon(theta_deg: ArrayLike) -> np.bool_ | np.ndarray:
+    """Whether polar angles, possibly negative, point away from the surface."""
+    return np.abs(np.asarray(theta_deg)) <= 90.0 + HORIZON_TOLERANCE
 
 
 def read_directions_csv(path: str | Path) -> np.ndarray:

@@ -10,26 +10,37 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from ..errors import Cancelled, NacreError
-from . import btf, masks, ubo2003
+from . import btf, listed_images, masks, merl, rgl, spectral, ubo2003, utia, utia_brdf
 from .dataset import DESCRIPTION, Dataset, DatasetWriter, HalfOverflowError, open_dataset
 from .options import Options
 from .source import Source
 
+# Where several know a file the first reads it: UBO2003 takes any named images.
 # A reader is a module with FORMAT, EXTENSIONS, matches(path) -> bool, which looks at the content,
 # OPTIONS, the names of those Options that it takes, and open_source(path, options) -> Source.
-READERS = {reader.FORMAT: reader for reader in (btf, ubo2003, masks)}
+_READERS = (btf, utia, spectral, ubo2003, listed_images, masks, rgl, merl, utia_brdf)
+READERS = {reader.FORMAT: reader for reader in _READERS}
+
+EXTENSIONS = tuple(dict.fromkeys(ending for reader in _READERS for ending in reader.EXTENSIONS))
+"""What the names of measured files end in."""
 
 Progress = Callable[[float, str], bool]
 
 
-def detect_format(source: str | Path) -> str:
+def detect_format(source: str | Path, directions: str | Path | None = None) -> str:
     """The name of the reader for a file or folder, by its content.
 
-    A damaged file that no reader knows goes to the reader of its extension, whose error says more.
+    A folder of images is anything that the list `directions` makes of it. A damaged file that no
+    reader knows goes to the reader of its extension, whose error says more.
     """
     path = Path(source)
     if not os.path.exists(path):
         raise NacreError(f"there is no file {path}")
+    if directions is not None:
+        if listed_images.matches(Path(directions)):
+            return listed_images.FORMAT
+        if os.path.isdir(path):
+            return masks.FORMAT
     if os.path.isfile(path / DESCRIPTION):
         raise NacreError(f"{path} is a Nacre dataset already: it needs no import")
     for name, reader in READERS.items():
@@ -75,12 +86,8 @@ def import_dataset(
 
 
 def _open_source(source: str | Path, format: str | None, options: Options) -> Source:
-    if options.cosine not in (None, 0, 1):
-        raise NacreError(f"cosine must be 0 or 1, not {options.cosine}")
-    if format is None and options.directions is not None and os.path.isdir(source):
-        format = masks.FORMAT  # a folder of images is anything that its user says
     if format is None:
-        format = detect_format(source)
+        format = detect_format(source, options.directions)
     elif format not in READERS:
         raise NacreError(f"there is no format {format}: choose from {', '.join(READERS)}")
     elif not os.path.exists(source):
@@ -100,8 +107,9 @@ def _write(
     _report(progress, 0.0, message)
     writer = DatasetWriter(destination, source.description(), source.shape, dtype)
     with writer, closing(source.blocks()) as blocks:
+        write = writer.write_texels if source.by_texel else writer.write
         for block in blocks:
-            writer.write(block)
+            write(block)
             _report(progress, writer.fraction, message)
 
 

@@ -27,6 +27,9 @@ class Source:
     kind's axes, `dtype` is what the values deserve, `conversions` what was done or assumed to get
     to Nacre's conventions, `details` what only this format knows. `blocks()` starts reading: it
     yields C-order contiguous pieces of the samples, one after the other, and raises NacreError.
+    Where `by_texel`, the pieces are (light, view, texel, channel) of consecutive texels, as files
+    that are stored texel by texel give them. `memory` is about how many bytes reading takes; None
+    stands for a few blocks.
     """
 
     path: Path
@@ -41,6 +44,8 @@ class Source:
     bytes: int
     blocks: Callable[[], Generator[np.ndarray]]
     kind: str = "btf"
+    by_texel: bool = False
+    memory: int | None = None
 
     def description(self) -> dict[str, Any]:
         """The content of dataset.json.
@@ -67,7 +72,10 @@ class Source:
         }
 
     def summary(self) -> dict[str, Any]:
-        """What `info` shows, JSON-able; sizes in bytes, `samples_bytes` once imported."""
+        """What `info` shows, JSON-able; sizes in bytes, `samples_bytes` once imported,
+        `memory_bytes` while that goes on."""
+        samples = math.prod(self.shape) * self.dtype.itemsize
+        memory = 4 * min(samples, BLOCK_BYTES) if self.memory is None else self.memory
         sizes = dict(zip(KINDS[self.kind], self.shape, strict=True))
         colour = {"channels": CHANNELS, "colour_model": None, "cosine_flag": None}
         return {
@@ -78,7 +86,8 @@ class Source:
             **(colour | {"components": None} if "channel" in sizes else {"value": "mask"}),
             **self.details,
             "bytes": self.bytes,
-            "samples_bytes": math.prod(self.shape) * self.dtype.itemsize,
+            "samples_bytes": samples,
+            "memory_bytes": memory,
             "conversions": self.conversions,
         }
 

@@ -9,13 +9,11 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import io
 import json
 import os
 import secrets
-import threading
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +22,7 @@ import OpenEXR
 from numpy.typing import NDArray
 
 from ..errors import NacreError
+from ..openexr import quiet
 
 VERSION = 1
 CHANNEL = "Y"  # luminance: viewers show a single channel of this name as grey
@@ -35,7 +34,6 @@ _SEAL = b'{"crc32": "'
 _UNSEALED = b"00000000"  # stands for the checksum where the checksum is computed
 
 _NO_ROOM = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
-_quiet_lock = threading.Lock()
 
 
 def write_arrays(
@@ -62,7 +60,7 @@ def write_arrays(
     text = json.dumps({**seal, **description, "arrays": entries}, allow_nan=False)
     temporary = path.with_name(f".{path.stem}-{secrets.token_hex(4)}.exr")
     try:
-        with _quiet():  # beside a Blender that has OpenEXR as a shared library, it warns of nothing
+        with quiet():  # beside a Blender that has OpenEXR as a shared library, it warns of nothing
             OpenEXR.File(_parts(images, text)).write(str(temporary))
         _check_written(temporary, images)
         _write_seal(temporary)
@@ -90,7 +88,7 @@ def read_arrays(
         raise NacreError(f"{path}: an OpenEXR picture, but not a model of Nacre's")
     _check_seal(path)
     try:
-        with _quiet():
+        with quiet():
             parts = OpenEXR.File(str(path), separate_channels=True).parts
         description = json.loads(parts[0].header["nacre"])
         images = {part.name(): part.channels[CHANNEL].pixels for part in parts}
@@ -133,7 +131,7 @@ def read_picture(path: str | os.PathLike[str]) -> NDArray[np.float32]:
     """
     is_model(path)
     try:
-        with _quiet():
+        with quiet():
             parts = OpenEXR.File(str(path)).parts
     except (RuntimeError, ValueError) as error:
         raise NacreError(f"{path}: cut short or damaged ({error})") from error
@@ -186,7 +184,7 @@ def _check_written(path: Path, images: Mapping[str, NDArray[Any]]) -> None:
     """Raise OSError unless a file reads back as what was written: the OpenEXR library does not
     notice that a disk fills up while it closes the file."""
     parts = []
-    with _quiet(), contextlib.suppress(RuntimeError, ValueError):
+    with quiet(), contextlib.suppress(RuntimeError, ValueError):
         parts = OpenEXR.File(str(path), separate_channels=True).parts
     written = {part.name(): part.channels[CHANNEL].pixels for part in parts}
     for name, image in images.items():
@@ -229,17 +227,3 @@ def _checksum(path: str | os.PathLike[str]) -> tuple[int, int]:
     checksum = zlib.crc32(data[:at])
     checksum = zlib.crc32(_UNSEALED, checksum)
     return at, zlib.crc32(data[at + len(_UNSEALED) :], checksum)
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep what the OpenEXR library prints about damaged files from the user, who gets one line of
-    ours: it writes to sys.stdout and past sys.stderr to the process's standard error."""
-    with _quiet_lock, contextlib.redirect_stdout(io.StringIO()), contextlib.ExitStack() as stack:
-        with contextlib.suppress(OSError):  # a program without a console has no standard error
-            kept = os.dup(2)
-            stack.callback(os.close, kept)
-            stack.callback(os.dup2, kept, 2)
-            with open(os.devnull, "wb") as nothing:
-                os.dup2(nothing.fileno(), 2)
-        yield

@@ -1,35 +1,38 @@
-"""A measured BTF to a dataset: from the File menu, by drag and drop, from the panel."""
+"""A measured file to a dataset: from the File menu, by drag and drop, from the panel."""
 
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import bpy
-from bpy.props import EnumProperty, StringProperty
+from bpy.props import StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..datasets.dataset import Dataset
-from ..datasets.importing import import_dataset
+from ..datasets.importing import EXTENSIONS, import_dataset
 from ..errors import NacreError
-from ..facts import source_facts
+from ..facts import source_facts, source_takes
 from ..jobs import JobOperator, Progress, Work
 from ..panels.layout import draw_facts
+from .import_options import ImportOptions
 from .ready import is_ready
 
-COSINE = {"AUTO": None, "INCLUDED": 1, "NOT_INCLUDED": 0}
 
-
-class NACRE_OT_import_btf(JobOperator, bpy.types.Operator, ImportHelper):
-    """Read a measured BTF into a dataset folder"""
+class NACRE_OT_import_btf(JobOperator, ImportOptions, bpy.types.Operator, ImportHelper):
+    """Read a measured BTF, a BRDF or occlusion masks into a dataset folder"""
 
     bl_idname = "nacre.import_btf"
     bl_label = "Import BTF"
     # The file browser would push an undo step before the work is done: `finish` pushes it instead.
     bl_options = {"REGISTER"}
 
-    filter_glob: StringProperty(default="*.btf;*.zip", options={"HIDDEN"})
+    filter_glob: StringProperty(
+        default=";".join(f"*{ending}" for ending in EXTENSIONS), options={"HIDDEN"}
+    )
     filepath: StringProperty(
         name="File",
-        description="Measured BTF: a .btf of Bonn's, or a .zip of images named by their angles",
+        description="Measured BTF, a .btf of Bonn's or a .zip of images named by their angles; a "
+        "BRDF of the RGL, KAIST, MERL or UTIA databases; a list of images, .csv; masks, .npy",
         subtype="FILE_PATH",
         options={"SKIP_SAVE", "HIDDEN"},
     )
@@ -38,15 +41,6 @@ class NACRE_OT_import_btf(JobOperator, bpy.types.Operator, ImportHelper):
         description="Dataset folder to write; when empty, NAME.nacre beside the file, or among "
         "Blender's own files where that cannot be written",
         options={"SKIP_SAVE"},
-    )
-    cosine: EnumProperty(
-        name="Cosine",
-        description="Whether the file's values include the cosine of the light's angle",
-        items=(
-            ("AUTO", "Auto", "As the file says; one that does not say is taken to include it"),
-            ("INCLUDED", "Included", "Take the values as they stand"),
-            ("NOT_INCLUDED", "Not Included", "Multiply the values by the cosine"),
-        ),
     )
 
     @classmethod
@@ -71,14 +65,16 @@ class NACRE_OT_import_btf(JobOperator, bpy.types.Operator, ImportHelper):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        draw_facts(context, layout, source_facts(self.filepath, COSINE[self.cosine]))
-        layout.prop(self, "cosine")
+        takes = self._takes()
+        draw_facts(context, layout, source_facts(self.filepath, **self._options(takes)))
+        self.draw_options(layout, takes)
         layout.prop(self, "destination", placeholder=self._usual_destination().name)
 
     def prepare(self, context: bpy.types.Context) -> Work:
         if not self.filepath or Path(self.filepath).is_dir():
-            raise NacreError("no file is chosen: choose a .btf or a .zip")
-        source, cosine = bpy.path.abspath(self.filepath), COSINE[self.cosine]
+            raise NacreError(f"no file is chosen: choose a {' or a '.join(EXTENSIONS)}")
+        source = bpy.path.abspath(self.filepath)
+        options = self._options(self._takes())
         destination = Path(bpy.path.abspath(self.destination))
         if not self.destination:
             destination = self._usual_destination()
@@ -86,7 +82,7 @@ class NACRE_OT_import_btf(JobOperator, bpy.types.Operator, ImportHelper):
                 destination = _own_folder() / destination.name
 
         def work(progress: Progress) -> Dataset:
-            return import_dataset(source, destination, cosine=cosine, progress=progress)
+            return import_dataset(source, destination, progress=progress, **options)
 
         return work
 
@@ -95,17 +91,28 @@ class NACRE_OT_import_btf(JobOperator, bpy.types.Operator, ImportHelper):
         self.report({"INFO"}, f"Imported {result.path}")
         bpy.ops.ed.undo_push(message=self.bl_label)
 
+    def _takes(self) -> frozenset[str]:
+        """The options that the file's format takes; none before a file is chosen."""
+        return source_takes(self.filepath, bpy.path.abspath(self.directions))
+
+    def _options(self, takes: frozenset[str]) -> dict[str, Any]:
+        """What was chosen; in the window, of what is to be seen there."""
+        options = self.chosen_options()
+        if getattr(self, "_in_window", False):
+            options = {name: value for name, value in options.items() if name in takes}
+        return options
+
     def _usual_destination(self) -> Path:
         return Path(bpy.path.abspath(self.filepath) or "NAME").with_suffix(".nacre")
 
 
 class NACRE_FH_btf(bpy.types.FileHandler):
-    """Drop a measured BTF on the 3D viewport"""
+    """Drop a measured file on the 3D viewport"""
 
     bl_idname = "NACRE_FH_btf"
     bl_label = "BTF"
     bl_import_operator = NACRE_OT_import_btf.bl_idname
-    bl_file_extensions = ".btf;.zip"
+    bl_file_extensions = ";".join(EXTENSIONS)
 
     @classmethod
     def poll_drop(cls, context: bpy.types.Context) -> bool:
@@ -114,7 +121,7 @@ class NACRE_FH_btf(bpy.types.FileHandler):
 
 def draw_import_menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
     """The entry in File > Import."""
-    self.layout.operator(NACRE_OT_import_btf.bl_idname, text="BTF (.btf, .zip)")
+    self.layout.operator(NACRE_OT_import_btf.bl_idname, text="BTF, BRDF (.btf, .zip, .bsdf)")
 
 
 def _is_writable(folder: Path) -> bool:

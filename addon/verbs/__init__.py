@@ -11,6 +11,7 @@ from . import (
     compare,
     compress,
     decode,
+    export,
     import_btf,
     info,
     material,
@@ -22,6 +23,7 @@ from . import (
 
 VERBS: dict[str, ModuleType] = {
     "import": import_btf,
+    "export": export,
     "measure": measure,
     "merge": merge,
     "info": info,

@@ -111,3 +111,13 @@ def part_of(text: str) -> tuple[int, int]:
     if not 1 <= number <= count:
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form 2/5")
     return number, count
+
+
+def gamma(text: str) -> float | str:
+    """An exponent above 0, or "srgb"."""
+    if text == "srgb":
+        return text
+    try:
+        return above_0(text)
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0 or srgb") from None

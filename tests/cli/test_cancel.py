@@ -13,6 +13,8 @@ VERBS = pytest.mark.parametrize(
         "import good.btf OUT/new.nacre",
         "compress small.nacre OUT/m.exr",
         "compress small.nacre OUT/m.exr --method nsvd",
+        "export small.nacre OUT/m.btf",
+        "export small.nacre OUT/m.zip",
         "decode kcta.exr OUT/new.nacre",
         "decode kcta.exr OUT/new.nacre --directions some.csv",
     ],

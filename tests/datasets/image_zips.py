@@ -28,6 +28,21 @@ def random_images(size: tuple[int, int] = (3, 4)) -> dict[tuple, np.ndarray]:
     }
 
 
+def random_floats(seed: int = 5, size=(3, 8), bands: int = 3) -> dict[tuple, np.ndarray]:
+    """Pixels (row, column, band) float32 for each (light, view)."""
+    rng = np.random.default_rng(seed)
+    return {
+        (light, view): rng.lognormal(-1, 1, (*size, bands)).astype(np.float32)
+        for light in LIGHTS
+        for view in VIEWS
+    }
+
+
+def samples_of(images: dict[tuple, np.ndarray]) -> np.ndarray:
+    """Images as samples (light, view, y, x, band): bottom row first."""
+    return np.array([[images[light, view][::-1] for view in VIEWS] for light in LIGHTS])
+
+
 def usual_name(light: tuple, view: tuple, suffix: str = ".png") -> str:
     (tl, pl), (tv, pv) = light, view
     return f"tv{tv:03}_pv{pv:03}/00000 tl{tl:03} pl{pl:03} tv{tv:03} pv{pv:03}{suffix}"
@@ -41,8 +56,15 @@ def usual_files(suffix: str = ".png") -> dict[str, bytes]:
     }
 
 
-def write_zip(path: Path, files: dict[str, bytes]) -> Path:
-    with zipfile.ZipFile(path, "w") as archive:
+def zip_of(files: dict[str, bytes]) -> bytes:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
         for name, data in files.items():
-            archive.writestr(name, data)
+            # No time of day: the same files make the same zip.
+            archive.writestr(zipfile.ZipInfo(name), data)
+    return buffer.getvalue()
+
+
+def write_zip(path: Path, files: dict[str, bytes]) -> Path:
+    path.write_bytes(zip_of(files))
     return path

@@ -5,9 +5,10 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from btf_writer import BtfFile
+from btf_writer import BtfFile, lab_to_linear
 
-from addon.datasets import btf
+from addon.datasets.bonn import contents
+from addon.datasets.bonn.colour_models import ColourModel
 from addon.datasets.directions import spherical_to_unit
 from addon.datasets.importing import describe_source, detect_format, import_dataset
 from addon.errors import NacreError
@@ -35,13 +36,34 @@ def assert_refused(folder, file, says, **options):
 
 @pytest.mark.parametrize(
     ("version", "model", "transposed"),
-    list(itertools.product((1, 2, 3, 4), (0, 9, 11, 12), (False, True))),
+    list(itertools.product((1, 2, 3, 4), (0, 1, 3, 4, 5, 6, 9, 10, 11, 12), (False, True))),
 )
 def test_versions_and_colour_models(tmp_path, version, model, transposed):
-    file = BtfFile(version=version, colour_model=model, transposed=transposed, scale=0.5)
+    file = BtfFile(
+        version=version,
+        colour_model=model,
+        transposed=transposed,
+        scale=0.5,
+        mean=(0.25, -0.5, 1.0),
+        matrix=np.array([[1, 0.5, -0.25], [2, -1, 0.75], [0.125, 3, 1]]),
+    )
     dataset = imported(tmp_path, file)
     assert dataset.samples.dtype == np.float32
     np.testing.assert_allclose(dataset.samples, file.expected(), rtol=2e-5, atol=2e-6)
+
+
+def test_lab(tmp_path):
+    file = BtfFile(colour_model=2, scale=20.0, texel_scale=1.0)
+    dataset = imported(tmp_path, file)
+    expected = file.expected()
+    assert expected.max() > 0.1  # dark and light, on both sides of Lab's kink
+    np.testing.assert_allclose(dataset.samples, expected, rtol=2e-3, atol=2e-5)
+
+
+def test_lab_white_is_white():
+    white = ColourModel(2, np.zeros(3), np.eye(3)).decode(np.array([[100.0], [0], [0]], np.float32))
+    np.testing.assert_allclose(white, 1.0, atol=2e-4)
+    np.testing.assert_allclose(lab_to_linear(100, 0, 0), 1.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("scalars", [(2, 2, 2), (4, 4, 4), (8, 8, 8), (2, 4, 8)])
@@ -123,6 +145,24 @@ def test_channels_are_put_in_order(tmp_path):
     file = BtfFile(version=4, channel_names=(b"Blue\0", b"green", b"RED"))
     dataset = imported(tmp_path, file)
     np.testing.assert_allclose(dataset.samples, file.expected()[..., ::-1], rtol=1e-5, atol=1e-6)
+    # Y, U and V become red, green and blue, whatever they are called.
+    for names in ((b"Blue", b"Green", b"Red"), (b"Y", b"U", b"V")):
+        file = BtfFile(version=4, channel_names=names, colour_model=11)
+        dataset = imported(tmp_path, file)
+        np.testing.assert_allclose(dataset.samples, file.expected(), rtol=1e-5, atol=1e-6)
+
+
+def test_the_patch_may_be_given(tmp_path):
+    for scale in (0.0, 10.0):
+        dataset = imported(tmp_path, BtfFile(pixels_per_mm=scale), patch_width=0.05)
+        assert dataset.patch_size == pytest.approx((0.05, 0.04))
+        assert dataset.source["conversions"] == ["patch taken as 0.05 m wide, as asked"]
+
+
+def test_scale_factors_are_recorded(tmp_path):
+    dataset = imported(tmp_path, BtfFile(rgb_scale=(1.0, 0.5, 2.0)))
+    np.testing.assert_allclose(dataset.samples, BtfFile().expected(), rtol=1e-5, atol=1e-6)
+    assert dataset.source["conversions"] == ["RGB scale factors 1, 0.5, 2 of the header left out"]
 
 
 def test_as_many_texels_as_direction_pairs_means_not_transposed(tmp_path):
@@ -166,38 +206,52 @@ def test_blocks_are_bounded_and_contiguous(tmp_path, monkeypatch):
     file = BtfFile(light=directions, view=directions, width=32, height=40, scalars=(2, 2, 2))
     path = save(tmp_path, file)
     whole = np.array(import_dataset(path, tmp_path / "whole.nacre").samples)
-    # A block of 3 views, so that the last one of a light is a short one.
-    monkeypatch.setattr(btf, "BLOCK_BYTES", 3 * 32 * 40 * 3 * 4)
-    tracemalloc.start()
-    parts = import_dataset(path, tmp_path / "parts.nacre").samples
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    np.testing.assert_allclose(parts, whole, rtol=2e-3, atol=1e-4)
     assert whole.nbytes > 3_000_000
-    assert peak < 600_000
+    # A block of 3 views, so that the last one of a light is a short one; and a block of less than
+    # an image.
+    for texels in (3 * 32 * 40, 500):
+        monkeypatch.setattr(contents, "BLOCK_BYTES", texels * 3 * 4)
+        tracemalloc.start()
+        parts = import_dataset(path, tmp_path / "parts.nacre").samples
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        np.testing.assert_allclose(parts, whole, rtol=2e-3, atol=1e-4)
+        assert peak < 600_000
 
 
 @pytest.mark.parametrize(
     ("file", "says"),
     [
         (b"", "starts with ''"),
-        (b"PK\3\4 not a btf at all", "is not a UBO2014 .btf file"),
-        (b"!DFMF09FCR" + bytes(400), "is not a UBO2014 .btf file"),
-        (BtfFile(signature=b"!FMF12FCER"), "a Bonn FMF file, which is not supported yet"),
-        (BtfFile(signature=b"!FMF06FC"), "a Bonn FMF file"),
-        (BtfFile(signature=b"!PVF06FCR"), "a Bonn PVF file"),
-        (BtfFile(signature=b"!BDIF06R2!"), "a Bonn BDI file"),
+        (b"PK\3\4 not a btf at all", "is not a .btf file of Bonn's"),
+        (b"!DFMF09FCR" + bytes(400), "is not a .btf file of Bonn's"),
         (BtfFile(version=0), "header version 0"),
         (BtfFile(version=5), "header version 5"),
-        (BtfFile(colour_model=3), r"model 3 \(PCA\), which is not supported; these are: 0 RGB"),
-        (BtfFile(colour_model=-1), r"model -1 \(unknown\)"),
-        (BtfFile(version=4, channel_names=(b"400nm",) * 31), "31 colour channels"),
+        (BtfFile(colour_model=7), "unknown colour model 7; known are: 0 RGB, 1 YUV"),
+        (BtfFile(colour_model=-1), "unknown colour model -1"),
+        (BtfFile(colour_model=3, mean=(0, np.nan, 0)), "the PCA's mean and matrix are not finite"),
+        (BtfFile(version=4, channel_names=()), "0 colour channels"),
+        (BtfFile(version=4, channel_names=(b"",) * 1025), "1025 colour channels"),
+        (
+            BtfFile(version=4, channel_names=(b"400nm",) * 31, colour_model=11),
+            r"31 colour channels, but the colour model 11 \(log Y, U/Y, V/Y\) is one of three",
+        ),
+        (
+            BtfFile(version=4, channel_names=(b"a",) * 5, scalars=(4,) * 5, components=(1,) * 5),
+            r"channels a, a, a, a, \.\.\. \(5\); expected red, green and blue, or wavelengths",
+        ),
         (BtfFile(version=4, channel_names=(b"X", b"Y", b"Z")), "channels X, Y, Z"),
         (BtfFile(other_light={1: ((0.0, 0.0),)}), "other light directions for view 1"),
         (BtfFile(view=()), "has no views"),
         (BtfFile(light=()), "has no lights"),
         (BtfFile(light=((0.0, 0.0), (2.0, 0.0))), "light 1 has theta 114.592"),
         (BtfFile(view=((0.0, np.nan),)), "view 0 has .* phi nan"),
+        (
+            BtfFile(view=((0.0, 0.25),))
+            .to_bytes()
+            .replace(struct.pack("<2fI", 0, 0.25, 3), struct.pack("<f2I", 0, 0x7F800001, 3)),
+            "view 0 has .* phi nan",  # a signalling one
+        ),
         (BtfFile(width=0), "0 x 4 texels"),
         (BtfFile(components=(1, 0, 1)), "channel 2 has no components"),
         (BtfFile(trailing=b"\0"), "1 bytes follow its end"),
@@ -247,7 +301,12 @@ def test_absurd_sizes_are_refused_before_memory_is_taken(tmp_path, data, says):
     assert peak < 500_000
 
 
-@pytest.mark.parametrize(("value", "scalar"), [(np.nan, 4), (-np.inf, 2), (1e300, 8)])
+SIGNALLING = np.array(0x7F800001, "<u4").view("<f4")
+
+
+@pytest.mark.parametrize(
+    ("value", "scalar"), [(np.nan, 4), (-np.inf, 2), (1e300, 8), (SIGNALLING, 4)]
+)
 def test_a_factor_that_is_not_finite_is_named(tmp_path, value, scalar):
     file = BtfFile(scalars=(4, scalar, 4))
     data = bytearray(file.to_bytes())
@@ -255,7 +314,7 @@ def test_a_factor_that_is_not_finite_is_named(tmp_path, value, scalar):
     start = bytes(data).index(factors[1][1].tobytes())
     at = start + (7 * 2 + 1) * scalar
     data[at : at + scalar] = np.array(value, factors[1][1].dtype).tobytes()
-    assert_refused(tmp_path, bytes(data), "SxV of channel 2 .* not a finite number in row 7")
+    assert_refused(tmp_path, bytes(data), "channel 2's SxV has .* not a finite number in row 7")
 
 
 def test_an_exponential_that_overflows_is_named(tmp_path):
@@ -269,5 +328,5 @@ def test_every_truncation_is_one_clear_error(tmp_path):
     for version in (1, 4):
         data = BtfFile(version=version, scalars=(2, 2, 2)).to_bytes()
         for cut in range(0, len(data), 7):
-            assert_refused(tmp_path, data[:cut], "cut short|damaged|not a UBO2014")
+            assert_refused(tmp_path, data[:cut], "cut short|damaged|not a .btf file")
         assert_refused(tmp_path, data[:-1], "channel 3's SxV needs 40 bytes, 39 are left")

@@ -75,7 +75,7 @@ def test_the_cosine_can_be_multiplied_in(tmp_path):
     "name",
     [
         "tl{tl:03} pl{pl:03} tv{tv:03} pv{pv:03}.png",
-        "tl{tl:03}_pl{pl:03}_tv{tv:03}_pv{pv:03}.PNG",
+        "tl{tl:03}_pl{pl:03}__tv{tv:03}_pv{pv:03}.PNG",
         "tv{tv}pv{pv}tl{tl}pl{pl}.png",
         "a/b/img_tv_{tv}_pv_{pv}_tl_{tl}_pl_{pl}.png",
         "TL{tl:.1f} PL{pl:.2f} TV{tv:.1f} PV{pv:.1f}.png",
@@ -168,8 +168,8 @@ ONE = usual_name(LIGHTS[2], VIEWS[1])
 @pytest.mark.parametrize(
     ("files", "says"),
     [
-        ({}, "holds no JPEG or PNG images"),
-        ({"readme.txt": b"hello"}, "holds no JPEG or PNG images"),
+        ({}, "holds no images"),
+        ({"readme.txt": b"hello"}, "holds no images"),
         (without(ONE), "cloth.zip lacks the image for tl 15 pl 180 tv 30 pv 90: 3 lights by 2"),
         (
             {**usual_files(), "tl40 pl0 tv0 pv0.png": b""},
@@ -177,14 +177,14 @@ ONE = usual_name(LIGHTS[2], VIEWS[1])
         ),
         (
             {**usual_files(), "tl40 pl0 tv50 pv0.png": b""},
-            r"lacks the image .* \(and 4 more\)",
+            r"lacks the image .* \(and 2 more\)",
         ),
         ({**usual_files(), "cover.jpg": b""}, "cover.jpg has no angles in its name"),
         ({**usual_files(), "tl0 pl0 tv0.png": b""}, "tl0 pl0 tv0.png has no angles"),
-        ({**usual_files(), f"tl{'9' * 400} pl0 tv0 pv0.png": b""}, "has no angles"),
-        ({**usual_files(), "tl120 pl0 tv0 pv0.png": b""}, "theta 120, below the surface"),
+        ({**usual_files(), f"tl{'9' * 400} pl0 tv0 pv0.png": b""}, "must be finite"),
+        ({**usual_files(), "tl120 pl0 tv0 pv0.png": b""}, "theta 120 points below the surface"),
         ({**usual_files(), "tl15 pl540 tv30 pv90.png": b""}, "have the same angles"),
-        ({**usual_files(), "tl0 pl0 tv0 pv0.hdr": b""}, "pv0.hdr is not supported yet"),
+        ({**usual_files(), "tl0 pl0 tv0 pv0.tif": b""}, "pv0.tif is of a kind of image that"),
         ({**usual_files(), ONE: b"not an image"}, "pl180 tv030 pv090.png cannot be read as"),
         ({**usual_files(), ONE: usual_files()[ONE][:60]}, "pl180 tv030 pv090.png cannot be read"),
         (

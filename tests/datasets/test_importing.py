@@ -87,9 +87,9 @@ def test_importing_twice_gives_the_same_bytes(source, tmp_path):
 def test_the_summary_is_json(source):
     summary = describe_source(source)
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
-    assert set(summary) == {
+    assert set(summary) - {"layout"} == {
         "format", "light", "view", "width", "height", "channels", "colour_model", "cosine_flag",
-        "components", "bytes", "samples_bytes", "conversions",
+        "components", "bytes", "samples_bytes", "memory_bytes", "conversions",
     }  # fmt: skip
 
 
@@ -97,12 +97,11 @@ def test_formats_are_found_and_named(source, tmp_path):
     name = detect_format(source)
     assert name in READERS
     assert import_dataset(source, tmp_path / "a.nacre", format=name).source["format"] == name
-    with pytest.raises(
-        NacreError, match="there is no format merl: choose from btf, ubo2003, masks"
-    ):
-        import_dataset(source, tmp_path / "b.nacre", format="merl")
+    known = ", ".join(READERS)
+    with pytest.raises(NacreError, match=f"there is no format cloth: choose from {known}"):
+        import_dataset(source, tmp_path / "b.nacre", format="cloth")
     other = next(other for other in READERS if other != name)
-    with pytest.raises(NacreError, match="is not a"):
+    with pytest.raises(NacreError, match="is not a|holds no"):
         import_dataset(source, tmp_path / "b.nacre", format=other)
     with pytest.raises(NacreError, match="cosine must be 0 or 1"):
         import_dataset(source, tmp_path / "b.nacre", cosine=2)
@@ -119,7 +118,7 @@ def test_a_source_that_is_absent_or_unknown(tmp_path):
             with pytest.raises(NacreError, match="there is no file"):
                 import_dataset(tmp_path / name, tmp_path / "a.nacre", format=format)
     for name in ("cloth.png", "empty"):
-        with pytest.raises(NacreError, match=r"is of no known format \(btf, ubo2003, masks\)"):
+        with pytest.raises(NacreError, match="is of no known format"):
             import_dataset(tmp_path / name, tmp_path / "a.nacre")
     (tmp_path / "folder.btf").mkdir()
     with pytest.raises(NacreError, match="cannot read .*: Is a directory"):

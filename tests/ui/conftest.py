@@ -1,12 +1,15 @@
 """The extension registered in Blender as a module, and one measured file on its way through."""
 
 import shutil
+import sys
 from pathlib import Path
 
 import bpy
 import pytest
 
 import addon
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "datasets"))  # the test writers
 
 SAMPLE = Path(__file__).resolve().parents[2] / "samples" / "wool_W64xH64_L81xV81.btf"
 

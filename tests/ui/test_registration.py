@@ -13,6 +13,7 @@ import pytest
 
 import addon
 from addon import operators, panels, properties, wheels
+from addon.datasets.importing import READERS
 
 ROOT = Path(__file__).resolve().parents[2]
 CLASSES = (*properties.CLASSES, *operators.CLASSES, *panels.CLASSES)
@@ -72,7 +73,8 @@ def test_labels_are_title_case_and_everything_has_a_tip(cls):
     if issubclass(cls, bpy.types.Operator):
         rna, tips = getattr(bpy.ops.nacre, cls.bl_idname[6:]).get_rna_type(), [cls.__doc__]
     labels = [getattr(cls, "bl_label", "")]
-    for name in cls.__annotations__:
+    annotated = {name for base in cls.__mro__ for name in getattr(base, "__annotations__", ())}
+    for name in sorted(annotated & set(rna.properties.keys())):
         prop = rna.properties[name]
         if prop.is_hidden:
             continue
@@ -84,13 +86,17 @@ def test_labels_are_title_case_and_everything_has_a_tip(cls):
     for tip in tips:
         assert tip and not tip.endswith(".") and tip[0].isupper(), tip
     for label in labels:
-        assert not any(word[0].islower() for word in label.split()), label
+        assert not [w for w in label.split() if w[0].islower() and w != "sRGB"], label
 
 
 def test_files_can_be_dropped_on_the_viewport():
     (handler,) = (cls for cls in operators.CLASSES if issubclass(cls, bpy.types.FileHandler))
     assert handler.bl_import_operator == "nacre.import_btf"
-    assert set(handler.bl_file_extensions.split(";")) == {".btf", ".zip"}
+    endings = {ending for reader in READERS.values() for ending in reader.EXTENSIONS}
+    assert endings >= {".btf", ".zip", ".bsdf", ".pbsdf", ".binary", ".bin", ".npy"}
+    assert set(handler.bl_file_extensions.split(";")) == endings
+    glob = bpy.ops.nacre.import_btf.get_rna_type().properties["filter_glob"].default
+    assert set(glob.split(";")) == {f"*{ending}" for ending in endings}
 
 
 def test_the_command_line_is_there(tmp_path):
