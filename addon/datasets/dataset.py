@@ -136,7 +136,7 @@ class DatasetWriter:
         self._description = description
         self._total = math.prod(self.shape)
         self._written = 0
-        self._partial = self.path.with_name(f".{self.path.name}.{secrets.token_hex(4)}.partial")
+        self._partial = self.path.parent / f".{self.path.name}.{secrets.token_hex(4)}.partial"
         self._file: BinaryIO | None = None
         self._start = 0
 
