@@ -64,7 +64,8 @@ class _Zip(Files):
         return [
             entry.filename
             for entry in entries
-            if not entry.is_dir() and _is_users(PurePosixPath(entry.filename))
+            # In this order: Python 3.11's is_dir breaks on an entry without a name.
+            if _is_users(PurePosixPath(entry.filename)) and not entry.is_dir()
         ]
 
     def size(self, name: str) -> int:

@@ -21,7 +21,7 @@ from .bonn.contents import Contents
 from .bonn.cursor import Cursor
 from .bonn.header import LONGEST_SIGNATURE, Header, Meta
 from .options import Options
-from .source import DEFAULT_PATCH_WIDTH, Source, assumed_patch_size
+from .source import BLOCK_BYTES, DEFAULT_PATCH_WIDTH, Source, assumed_patch_size
 
 FORMAT = "btf"
 EXTENSIONS = (".btf",)
@@ -71,13 +71,14 @@ def open_source(path: Path, options: Options) -> Source:
     if meta.rgb_scale != (1.0, 1.0, 1.0):
         factors = ", ".join(f"{factor:g}" for factor in meta.rgb_scale)
         conversions.append(f"RGB scale factors {factors} of the header left out")
+    shape = (len(header.light), len(header.view), header.height, header.width, 3)
     details = {"layout": contents.layout, "cosine_flag": meta.cosine_flag, **contents.details}
     return Source(
         path=path,
         format=FORMAT,
         light=header.light,
         view=header.view,
-        shape=(len(header.light), len(header.view), header.height, header.width, 3),
+        shape=shape,
         # Half floats stay half: the samples are no more precise than the factors.
         dtype=np.dtype("<f2" if contents.half else "<f4"),
         patch_size=patch_size,
@@ -86,6 +87,7 @@ def open_source(path: Path, options: Options) -> Source:
         bytes=size,
         blocks=partial(_blocks, path, contents, to_rgb, scaled),
         by_texel=contents.by_texel,
+        memory=contents.memory + 4 * min(BLOCK_BYTES, 4 * math.prod(shape)),
     )
 
 

@@ -318,6 +318,23 @@ def test_a_spectrum_of_one_is_white(tmp_path):
     np.testing.assert_allclose(imported(tmp_path, file).samples, 1.0, atol=1e-3)
 
 
+def test_names_of_channels_are_shown_on_one_line(tmp_path):
+    file = FmfFile(version=4, channel_names=(b"a\nb", b"x" * 1000, b"99999999 nm"))
+    assert_refused(tmp_path, file, r"has the channels 'a\\nb', x{40}, 99999999 nm; expected")
+
+
+def test_the_memory_is_told_beforehand(tmp_path):
+    directions = tuple((0.07 * i, 0.3 * i) for i in range(20))
+    for make, factors in (
+        (FmfFile, 4 * 4 * (400 * 3 + 1280)),
+        (PvfFile, 21 * 4 * (20 * 3 + 1280)),
+        (BdiFile, 400 * 1280 * 6),
+    ):
+        path = save(tmp_path, make(light=directions, view=directions, width=32, height=40))
+        blocks = 4 * 400 * 1280 * 12
+        assert describe_source(path)["memory_bytes"] == factors + blocks
+
+
 def test_a_wavelength_may_not_come_twice(tmp_path):
     names = (b"400", b"500", b"400 nm")
     assert_refused(tmp_path, FmfFile(version=4, channel_names=names), "several channels of one")

@@ -68,6 +68,7 @@ def read(cursor: Cursor, signature: bytes) -> Contents:
         header=header,
         half=True,
         by_texel=True,
+        memory=min(BLOCK_BYTES, header.texels * _texel_bytes(header)),
         pieces=partial(_pieces, header, stored, chunks, compression == _PACKED),
         conversions=conversions,
         details={"compression": f"{compression} ({_COMPRESSIONS[compression]})"},

@@ -10,7 +10,7 @@ from ..colour import spectrum_to_rec709
 
 ToRgb = Callable[[np.ndarray], np.ndarray]
 
-_WAVELENGTH = re.compile(r"(\d+(?:\.\d+)?)(?:\s*nm)?", re.IGNORECASE)
+_WAVELENGTH = re.compile(r"(\d{1,5}(?:\.\d{1,9})?)(?:\s*nm)?", re.IGNORECASE)
 
 
 def rgb_of(names: list[str], file: str) -> tuple[ToRgb, list[str]]:
@@ -27,7 +27,7 @@ def rgb_of(names: list[str], file: str) -> tuple[ToRgb, list[str]]:
         return (lambda planes: planes[order]), []
     wavelengths = [_WAVELENGTH.fullmatch(name) for name in names]
     if not all(wavelengths):
-        shown = ", ".join(names[:4]) + (f", ... ({len(names)})" if len(names) > 4 else "")
+        shown = ", ".join(map(_shown, names[:4])) + (f", ... ({len(names)})" * (len(names) > 4))
         raise NacreError(
             f"{file} has the channels {shown}; expected red, green and blue, or wavelengths in "
             "nanometres"
@@ -46,3 +46,9 @@ def rgb_of(names: list[str], file: str) -> tuple[ToRgb, list[str]]:
         f"{len(names)} wavelengths from {nanometres.min():g} to {nanometres.max():g} nm to linear "
         "Rec.709 under D65"
     ]
+
+
+def _shown(name: str) -> str:
+    """A name of a file's, on one line and not too long."""
+    short = name[:40]
+    return short if short.isprintable() else ascii(short)

@@ -18,7 +18,8 @@ class Contents:
     `half`: whether all values are stored as half floats. `named`: whether the decoded channels are
     those that the header names; if not they are RGB. `pieces(path)` yields which lights and their
     decoded values (channel, light, view, texel), in the order of a dataset, or where `by_texel`
-    all lights and views of consecutive texels. `details` are for `info`.
+    all lights and views of consecutive texels. That takes `memory` bytes besides a few blocks.
+    `details` are for `info`.
     """
 
     layout: str
@@ -27,6 +28,7 @@ class Contents:
     pieces: Callable[[Path], Generator[tuple[slice, np.ndarray]]]
     named: bool = True
     by_texel: bool = False
+    memory: int = 0
     conversions: list[str] = field(default_factory=list)
     details: dict[str, Any] = field(default_factory=dict)
 

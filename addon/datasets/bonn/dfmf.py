@@ -40,6 +40,7 @@ def read(cursor: Cursor, signature: bytes) -> Contents:
         half=all(matrix.scalar.itemsize == 2 for matrix in directions),
         named=model.named,
         pieces=partial(_pieces, header, model, directions, texels),
+        memory=sum(matrix.loaded_bytes for pair in factors for matrix in pair),
         conversions=conversions,
         details={
             "colour_model": model.label,

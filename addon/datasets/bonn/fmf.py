@@ -40,6 +40,7 @@ def read(cursor: Cursor, signature: bytes) -> Contents:
         header=header,
         half=u.scalar.itemsize == 2,
         pieces=partial(_pieces, header, u, v, transposed, logarithms),
+        memory=u.loaded_bytes + v.loaded_bytes,
         conversions=conversions,
         details={"components": [u.used]},
     )

@@ -22,6 +22,10 @@ class Matrix:
     scalar: np.dtype
     used: int
 
+    @property
+    def loaded_bytes(self) -> int:
+        return 4 * self.rows * self.used
+
     def load(self, path: Path) -> np.ndarray:
         """float32 (rows, used); NacreError for a value that is not finite."""
         count = self.rows * self.columns

@@ -53,6 +53,7 @@ def read(cursor: Cursor, signature: bytes) -> Contents:
         header=header,
         half=all(view.components.scalar.itemsize == 2 for view in views),
         pieces=partial(_pieces, header, views),
+        memory=max(view.components.loaded_bytes + view.weights.loaded_bytes for view in views),
         details={"components": sorted({view.components.used for view in views})},
     )
 
