@@ -31,7 +31,7 @@ def test_a_measured_file_before_its_import():
         ("Texels", "64 × 64"),
         ("File", "6.20 MB"),
         ("On Disk", "161 MB"),
-        ("Memory", "about 134 MB"),
+        ("Memory", "about 146 MB"),
     ]
 
 
