@@ -8,6 +8,6 @@ All begin with a signature, a header and the lists of directions. What follows i
     BDI   all reflectance as half floats, texel by texel (`bdi`)
 
 The definition is Bonn's reader and writer btflib (University of Bonn, 2014-2016);
-`docs/formats_btf.md` says where other readers differ. All numbers are little-endian;
+`docs/formats.md` says where other readers differ. All numbers are little-endian;
 texel = y * width + x, row 0 at the bottom.
 """
