@@ -66,7 +66,8 @@ def render_at_once(
 ) -> None:
     """All pixels in one picture; with Blender's `own` camera, all from one view."""
     sizes = (texels, texels)
-    with new_instrument(patch, view, light[None], sizes, samples, BOUNCES) as (scene, _):
+    with new_instrument(patch, view, light[None], sizes, samples, BOUNCES) as instrument:
+        scene = instrument.scene
         aim(add_light(scene), light)
         if own:
             camera = add_camera(scene, (45.0, 20.0), max(patch.size))

@@ -26,7 +26,7 @@ from addon.datasets.dataset import Dataset, open_dataset
 from addon.datasets.direction_sets import ubo_81
 from addon.datasets.directions import spherical_to_unit
 from addon.measure.btf import measure_btf
-from addon.measure.cycles import add_light, aim, render
+from addon.measure.cycles import add_light, aim
 from addon.measure.instrument import new_instrument
 from addon.measure.patch import open_patch
 from addon.measure.settings import Settings
@@ -128,10 +128,10 @@ def in_cycles(scene_name: str, dataset, light, view, samples: int) -> list[Pixel
     with open_patch(build(scene_name), dataset.patch_size) as patch:
         for one_light, one_view in zip(light, view, strict=True):
             directions = one_view[None], one_light[None]
-            with new_instrument(patch, *directions, texels, samples, bounces) as (scene, tiles):
-                aim(add_light(scene), one_light)
+            with new_instrument(patch, *directions, texels, samples, bounces) as instrument:
+                aim(add_light(instrument.scene), one_light)
                 # Other seeds than the dataset's: it is not to share the noise.
-                found.append(tiles.split(render(scene, 2**20)["Combined"])[0, ..., :3])
+                found.append(instrument.picture(2**20)[0, ..., :3])
     return found
 
 

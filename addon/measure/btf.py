@@ -6,13 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import bpy
 import numpy as np
 
 from ..datasets.dataset import AXES, Dataset, DatasetWriter, check_destination, open_dataset
 from ..errors import Cancelled
-from .cycles import add_light, aim, render
-from .instrument import new_instrument
+from .cycles import add_light, aim
+from .instrument import new_instrument, program
 from .noise import energy_and_noise, noise_floor_db, samples_for, strips_rendered_twice
 from .patch import Patch
 from .settings import Settings
@@ -59,7 +58,7 @@ def measure_btf(
     measurement = {
         "patch": patch.name or patch.collection.name,
         "origin": origin,
-        "program": f"Cycles {bpy.app.version_string}",
+        "program": program(),
         **settings.described(),
         "first": first,
         "of": len(light),
@@ -108,15 +107,14 @@ def _take_pictures(
     step(0, "Preparing")
     texels = settings.texels(patch.size)
     measured = new_instrument(patch, view, light, texels, settings.samples, settings.bounces)
-    with measured as (scene, tiles):
+    with measured as instrument:
+        scene, tiles = instrument.scene, instrument.tiles
         sun = add_light(scene)
 
         def picture(number: int, count: int, seed: int, row: int | None = None) -> np.ndarray:
             scene.cycles.samples = count
             aim(sun, light[number])
-            strip = (0.0, 1.0) if row is None else (row / tiles.rows, (row + 1) / tiles.rows)
-            passes = render(scene, settings.seed + seed, strip)
-            return tiles.split(passes["Combined"], row)[..., :3]
+            return instrument.picture(settings.seed + seed, row)[..., :3]
 
         twice = strips_rendered_twice(len(light), tiles.used_rows)
         if samples is None:

@@ -1,18 +1,21 @@
-"""A scene of its own in which Cycles looks at a patch from every view in one picture."""
+"""A scene of its own in which Cycles looks at a patch from every view."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
 from ..errors import NacreError
 from ..render.stage import new_scene
-from .camera import Tiles, add_hemisphere_camera
 from .cycles import set_up_cycles
+from .hemisphere_camera import HemisphereCamera, has_osl
+from .oblique_camera import ObliqueCamera
 from .patch import Patch, is_displaced, place
+from .tiles import Tiles
 from .top_view import measure_top_view
 
 # Texels along a side that the height of displaced surfaces is found with.
@@ -20,6 +23,26 @@ _HEIGHT_TEXELS = 32
 
 # Below this height above the horizon a view or light would need endless neighbours.
 LOWEST_Z = 0.01
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """The scene, how its views are grouped in rows, and the camera."""
+
+    scene: bpy.types.Scene
+    tiles: Tiles
+    camera: HemisphereCamera | ObliqueCamera
+
+    def picture(self, seed: int, row: int | None = None) -> np.ndarray:
+        """Linear RGB and coverage (view, y, x, 4) float32, y upward, of all views or of one row of
+        tiles, which is the same as in the whole picture of that seed."""
+        return self.camera.take(seed, row)
+
+
+def program() -> str:
+    """What takes the pictures: other programs give other noise."""
+    camera = "all views in one picture" if has_osl() else "a picture a view, without OSL"
+    return f"Cycles {bpy.app.version_string}, {camera}"
 
 
 @contextmanager
@@ -32,8 +55,8 @@ def new_instrument(
     bounces: int = 0,
     *,
     centred: bool = False,
-) -> Iterator[tuple[bpy.types.Scene, Tiles]]:
-    """A dark scene with the patch, its neighbours and the camera, removed at the end.
+) -> Iterator[Instrument]:
+    """A dark scene with the patch, its neighbours and a camera, removed at the end.
 
     `view` (V, 3) and `light` (L, 3, L may be 0) are unit vectors, `texels` (x, y), `samples` the
     paths through each texel and `bounces` how often light goes on from where it first arrives.
@@ -44,14 +67,14 @@ def new_instrument(
             raise NacreError(f"a {name} direction lies at or below the horizon: leave it out")
     tiles = Tiles(len(view), texels)
     displaced = _heights(patch) if is_displaced(patch) else None
-    with new_scene(tiles.picture_size) as scene:
+    with new_scene(texels) as scene:
         set_up_cycles(scene, samples, bounces)
         slope = _steepest(view) + (_steepest(light) if len(light) else 0.0)
         top = place(scene, patch, slope, displaced)
         # Well above the patch, and not so far that positions lose digits.
         height = top + 0.1 * max(patch.size)
-        add_hemisphere_camera(scene, view, tiles, patch.size, height, centred)
-        yield scene, tiles
+        camera = HemisphereCamera if has_osl() else ObliqueCamera
+        yield Instrument(scene, tiles, camera(scene, view, tiles, patch.size, height, centred))
 
 
 def _steepest(directions: np.ndarray) -> float:

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-import bpy
 import numpy as np
 
 from ..datasets.dataset import KINDS, Dataset, DatasetWriter, check_destination, open_dataset
 from ..datasets.occlusion import signed_distance
 from ..errors import Cancelled
-from .cycles import render
-from .instrument import new_instrument
+from .instrument import new_instrument, program
 from .patch import Patch
 
 Progress = Callable[[float, str], bool]
@@ -53,7 +51,7 @@ def measure_occlusion(
         "source": {
             "format": "Cycles",
             "file": patch.name or patch.collection.name,
-            "conversions": [f"rendered with Cycles {bpy.app.version_string}"],
+            "conversions": [f"rendered with {program()}"],
         },
     }
     with DatasetWriter(path, description, samples.shape, np.float16) as writer:
@@ -71,5 +69,4 @@ def coverage(
     """
     nothing = np.empty((0, 3))
     with new_instrument(patch, view, nothing, texels, samples, centred=samples == 1) as instrument:
-        scene, tiles = instrument
-        return tiles.split(render(scene, 0)["Combined"])[..., 3]
+        return instrument.picture(0)[..., 3]

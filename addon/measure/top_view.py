@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import bpy
 import numpy as np
 import OpenEXR
 
 from ..render.stage import new_scene
 from .cycles import render, set_up_cycles
+from .oblique_camera import add_orthographic
 from .patch import Patch, place
 
 # Every texel is rendered as a square of so many pixels, as Cycles takes the position of one sample
@@ -29,7 +29,8 @@ def measure_top_view(patch: Patch, texels: tuple[int, int]) -> dict[str, np.ndar
         set_up_cycles(scene, SAMPLES, 0)
         top = place(scene, patch, 0.0)
         # Displacement may rise above the objects' bounds.
-        _add_camera(scene, patch.size, top + 4.0 * max(patch.size))
+        height = top + 4.0 * max(patch.size)
+        add_orthographic(scene, patch.size, 4.0 * height).location.z = height
         layer = scene.view_layers[0]
         layer.use_pass_normal = layer.use_pass_position = True
         layer.cycles.denoising_store_passes = True  # the albedo of all layers is one of them
@@ -53,21 +54,6 @@ def _mean(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
         for array in (values, weights)
     )
     return total / np.maximum(weight, 1e-6)
-
-
-def _add_camera(scene: bpy.types.Scene, size: tuple[float, float], height: float) -> None:
-    """An orthographic camera that looks straight down on the whole patch."""
-    camera = bpy.data.cameras.new("Top")
-    camera.type, camera.sensor_fit, camera.ortho_scale = "ORTHO", "HORIZONTAL", size[0]
-    camera.clip_start, camera.clip_end = 1e-6, 4.0 * height
-    item = bpy.data.objects.new("Top", camera)
-    item.location = (0.0, 0.0, height)
-    scene.collection.objects.link(item)
-    scene.camera = item
-    # Texels are not quite square where the patch is no whole number of them high.
-    settings = scene.render
-    aspect = size[1] * settings.resolution_x / (size[0] * settings.resolution_y)
-    settings.pixel_aspect_x, settings.pixel_aspect_y = max(1.0, 1 / aspect), max(1.0, aspect)
 
 
 def write_side_channels(folder: Path, channels: dict[str, np.ndarray]) -> None:

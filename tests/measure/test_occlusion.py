@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from addon.datasets.directions import spherical_to_unit
-from addon.measure.camera import Tiles
 from addon.measure.occlusion import coverage, measure_occlusion
+from addon.measure.tiles import Tiles
 
 WHITE = (1, 1, 1)
 
