@@ -198,11 +198,14 @@ def measure() -> Iterator[Wait]:
     chosen.views = chosen.lights = "uniform"
     chosen.view_count, chosen.light_count = 16, 8
     bpy.ops.ed.undo_push(message="Measurement")
+    open_measure_panel()
+    yield 0.5
+    picture("10-measure")
     started = time.monotonic()
     call(bpy.ops.nacre.measure)
     yield lambda: count_finished(output) > 0 or job() is None
     yield 0.3
-    picture("10-measuring")
+    picture("11-measuring")
     check("the measurement runs on a thread", job() is not None)
     call(bpy.ops.nacre.cancel)
     yield lambda: job() is None
@@ -210,7 +213,7 @@ def measure() -> Iterator[Wait]:
     kept = count_finished(output)
     check("cancelling keeps the finished pictures", 0 < kept < 8 and not output.exists())
     check("cancelling leaves the scene as it was", everything() == before)
-    picture("11-unfinished")
+    picture("12-unfinished")
     call(bpy.ops.nacre.measure)
     yield lambda: settings().dataset != "" or job() is None
     report["seconds"]["measure"] = round(time.monotonic() - started, 1)
@@ -223,6 +226,14 @@ def measure() -> Iterator[Wait]:
     yield 0.3
     check("undo takes the measurement back", settings().dataset == "")
     shutil.rmtree(output)
+
+
+def open_measure_panel() -> None:
+    """Show the Measure panel's content, which is closed at first; no script can open a panel."""
+    panel = bpy.types.NACRE_PT_measure
+    bpy.utils.unregister_class(panel)
+    panel.bl_options = set()
+    bpy.utils.register_class(panel)
 
 
 def everything() -> list[str]:
