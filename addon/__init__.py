@@ -14,6 +14,7 @@ def register() -> None:
     bpy.types.Scene.nacre = bpy.props.PointerProperty(type=properties.NACRE_PG_scene)
     bpy.types.Material.nacre = bpy.props.PointerProperty(type=properties.NACRE_PG_material)
     bpy.types.TOPBAR_MT_file_import.append(operators.draw_import_menu)
+    bpy.types.TOPBAR_MT_file_export.append(operators.draw_export_menu)
 
     def command(arguments: list[str]) -> int:
         from .cli import main
@@ -32,6 +33,7 @@ def unregister() -> None:
     jobs.stop()
     while _cli_commands:
         bpy.utils.unregister_cli_command(_cli_commands.pop())
+    bpy.types.TOPBAR_MT_file_export.remove(operators.draw_export_menu)
     bpy.types.TOPBAR_MT_file_import.remove(operators.draw_import_menu)
     del bpy.types.Material.nacre
     del bpy.types.Scene.nacre

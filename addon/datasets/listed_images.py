@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import NacreError
-from . import image_grid
-from .archive import Files, open_files
-from .image_grid import Angles, ImageGrid, Pair, angles, complete
-from .image_values import Encoding
+from .images import grid as image_grid
+from .images.archive import Files, open_files
+from .images.grid import Angles, ImageGrid, Pair, angles, complete
+from .images.values import Encoding
 from .options import Options
 from .source import Source
 

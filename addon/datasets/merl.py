@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import NacreError
+from .brdf.uniform import OPTIONS as OPTIONS
+from .brdf.uniform import Evaluate, half_difference, uniform_source
 from .options import Options
 from .source import Source
-from .uniform_brdf import OPTIONS as OPTIONS
-from .uniform_brdf import Evaluate, half_difference, uniform_source
 
 FORMAT = "merl"
 EXTENSIONS = (".binary",)

@@ -23,13 +23,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import NacreError
-from .bilinear import Warp, blend, interpolate
+from .brdf.bilinear import Warp, blend, interpolate
+from .brdf.tensor_file import MAGIC, Field, TensorFile, open_tensor_file
+from .brdf.uniform import OPTIONS as OPTIONS
+from .brdf.uniform import Evaluate, elevation, half_difference, half_vector, uniform_source
 from .colour import spectrum_to_rec709
 from .options import Options
 from .source import Source
-from .tensor_file import MAGIC, Field, TensorFile, open_tensor_file
-from .uniform_brdf import OPTIONS as OPTIONS
-from .uniform_brdf import Evaluate, elevation, half_difference, half_vector, uniform_source
 
 FORMAT = "rgl"
 EXTENSIONS = (".bsdf", ".pbsdf")

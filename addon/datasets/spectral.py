@@ -6,11 +6,12 @@ The images are named by their angles, `tv%f_pv%f_tl%f_pl%f.exr`. Values are line
 from pathlib import Path
 
 from ..errors import NacreError
-from . import exr_image, image_grid
-from .archive import open_files
-from .image_values import Encoding
-from .images import suffix
-from .named_angles import named_grid
+from .images import exr as exr_image
+from .images import grid as image_grid
+from .images.archive import open_files
+from .images.decoding import suffix
+from .images.named_angles import named_grid
+from .images.values import Encoding
 from .options import Options
 from .source import Source
 

@@ -8,11 +8,11 @@ from a folder, unless it is one of UTIA's or Bonn's spectral ones.
 from pathlib import Path
 
 from ..errors import NacreError
-from . import image_grid
-from .archive import open_files
-from .image_values import Encoding
-from .images import SUFFIXES, suffix
-from .named_angles import named_grid
+from .images import grid as image_grid
+from .images.archive import open_files
+from .images.decoding import SUFFIXES, suffix
+from .images.named_angles import named_grid
+from .images.values import Encoding
 from .options import Options
 from .source import Source
 

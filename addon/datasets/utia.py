@@ -10,10 +10,10 @@ import re
 from pathlib import Path, PurePosixPath
 
 from ..errors import NacreError
-from . import image_grid
-from .archive import Files, open_files
-from .image_values import Encoding
-from .named_angles import named_grid
+from .images import grid as image_grid
+from .images.archive import Files, open_files
+from .images.named_angles import named_grid
+from .images.values import Encoding
 from .options import Options
 from .source import Source
 

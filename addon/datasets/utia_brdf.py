@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import NacreError
-from . import uniform_brdf
+from .brdf import uniform as uniform_brdf
+from .brdf.uniform import Evaluate, uniform_source
 from .colour import srgb_to_linear
 from .options import Options
 from .source import Source
-from .uniform_brdf import Evaluate, uniform_source
 
 FORMAT = "utia-brdf"
 EXTENSIONS = (".bin",)

@@ -1,13 +1,15 @@
 """One file for each thing a user does."""
 
-from . import cancel, compress, create_material, import_btf, measure
+from . import cancel, compress, create_material, export_btf, import_btf, measure
 
 CLASSES = (
     import_btf.NACRE_OT_import_btf,
     import_btf.NACRE_FH_btf,
+    export_btf.NACRE_OT_export_btf,
     measure.NACRE_OT_measure,
     compress.NACRE_OT_compress,
     create_material.NACRE_OT_create_material,
     cancel.NACRE_OT_cancel,
 )
 draw_import_menu = import_btf.draw_import_menu
+draw_export_menu = export_btf.draw_export_menu

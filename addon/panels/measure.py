@@ -16,7 +16,7 @@ class NACRE_PT_measure(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         chosen = context.scene.nacre.measurement
         layout = property_column(self.layout)
-        layout.row().prop(chosen, "what", expand=True)
+        layout.prop(chosen, "what")
         _draw_item(context, layout, chosen)
         column = layout.column(align=True)
         column.prop(chosen, "width")
@@ -62,7 +62,7 @@ def _draw_button(
     if not finished or jobs.running() is not None:
         draw_step(layout, "nacre.measure", "RENDER_STILL")
         return
-    layout.label(text=f"{finished} lights are measured already", icon="INFO")
+    layout.label(text=f"Measured already: {finished} of the lights", icon="INFO")
     draw_step(layout, "nacre.measure", "PLAY", "Resume")
     layout.operator("nacre.measure", text="Start Over", icon="FILE_REFRESH").restart = True
 

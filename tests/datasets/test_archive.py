@@ -5,7 +5,7 @@ import zipfile
 
 import pytest
 
-from addon.datasets.archive import open_files
+from addon.datasets.images.archive import open_files
 from addon.errors import NacreError
 
 

@@ -9,7 +9,7 @@ import OpenEXR
 import pytest
 from picture_files import exr, exr_of, from_rgbe, hdr, rgbe
 
-from addon.datasets.images import decode
+from addon.datasets.images.decoding import decode
 from addon.errors import NacreError
 
 FIXTURES = Path(__file__).resolve().parents[1] / "fixtures" / "datasets"

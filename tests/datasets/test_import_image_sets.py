@@ -19,8 +19,8 @@ from image_zips import (
 )
 from picture_files import exr_of, from_rgbe, hdr, rgbe
 
-from addon.datasets import image_grid
 from addon.datasets.colour import spectrum_to_rec709, srgb_to_linear, xyz_to_rec709
+from addon.datasets.images import grid as image_grid
 from addon.datasets.importing import describe_source, detect_format, import_dataset
 from addon.datasets.options import Options
 from addon.datasets.utia import open_source

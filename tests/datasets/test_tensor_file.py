@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from brdf_files import TYPES, tensor_file
 
-from addon.datasets.tensor_file import MAGIC, open_tensor_file
+from addon.datasets.brdf.tensor_file import MAGIC, open_tensor_file
 from addon.errors import NacreError
 
 

@@ -14,10 +14,10 @@ from brdf_files import (
     utia_file,
 )
 
+from addon.datasets.brdf.uniform import half_difference
 from addon.datasets.directions import unit_to_spherical
 from addon.datasets.importing import READERS, describe_source, detect_format, import_dataset
 from addon.datasets.options import Options
-from addon.datasets.uniform_brdf import half_difference
 
 BIG = {"thetas": 8, "phis": 9, "size": 16, "warp": (64, 64)}
 SPECTRUM = tuple(np.linspace(360.0, 1000.0, 100))

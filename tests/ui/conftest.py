@@ -9,7 +9,8 @@ import pytest
 
 import addon
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "datasets"))  # the test writers
+TESTS = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(TESTS / "datasets"), str(TESTS / "models")]  # the test writers
 
 SAMPLE = Path(__file__).resolve().parents[2] / "samples" / "wool_W64xH64_L81xV81.btf"
 

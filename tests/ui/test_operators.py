@@ -5,6 +5,7 @@ import time
 
 import bpy
 import pytest
+from small_btf import write_dataset
 
 from addon import jobs
 from addon.errors import Cancelled
@@ -40,6 +41,26 @@ def add_mesh(scene, name, uv=True):
     item = add_object(name, mesh, scene)
     item.select_set(True)
     return item
+
+
+# --- export ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ending", [".btf", ".zip"])
+def test_a_dataset_is_written_and_read_again(scene, tmp_path, ending):
+    assert "choose a dataset" in fails_to_poll(bpy.ops.nacre.export_btf)
+    scene.nacre.dataset = str(write_dataset(tmp_path / "a.nacre", (6, 7, 8, 10, 3)).path)
+    out = tmp_path / f"b{ending}"
+    assert bpy.ops.nacre.export_btf(filepath=str(out), components=6) == {"FINISHED"}
+    assert bpy.ops.nacre.import_btf(filepath=str(out)) == {"FINISHED"}
+    assert "6 lights × 7 views" in scene.nacre.dataset_facts
+    assert "No such file" in fails(bpy.ops.nacre.export_btf, filepath=str(tmp_path / "x" / "a.btf"))
+
+
+def fails_to_poll(operator) -> str:
+    with pytest.raises(RuntimeError) as caught:
+        operator()
+    return str(caught.value)
 
 
 # --- import ---------------------------------------------------------------------------------------

@@ -24,7 +24,7 @@ class Layout:
     def label(self, text="", icon="NONE", translate=True):
         self.seen.append(text)
 
-    def prop(self, data, name, index=0, text="", placeholder="", expand=False):
+    def prop(self, data, name, index=0, text="", placeholder=""):
         assert hasattr(data, name), name
         self.seen.append(name)
 
@@ -115,7 +115,7 @@ def test_measuring_asks_for_what_it_needs(scene, tmp_path):
         (tmp_path / ".a.nacre.measuring").mkdir(exist_ok=True)
         (tmp_path / ".a.nacre.measuring" / f"{number:05}.npz").touch()
     assert draw(panel).count("nacre.measure") == 2
-    assert "3 lights are measured already" in draw(panel)
+    assert "Measured already: 3 of the lights" in draw(panel)
 
 
 def test_a_problem_takes_as_many_lines_as_it_needs(scene, tmp_path):

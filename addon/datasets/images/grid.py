@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import NacreError
+from ...errors import NacreError
+from ..directions import is_above_horizon, spherical_to_unit
+from ..options import Options
+from ..source import BLOCK_BYTES, CHANNELS, Source, assumed_patch_size
 from .archive import Files, open_files
-from .directions import is_above_horizon, spherical_to_unit
-from .image_values import OPTIONS as VALUE_OPTIONS
-from .image_values import Decoding, Encoding, choose_decoding
-from .images import Bands, Image, decode
-from .options import Options
-from .source import BLOCK_BYTES, CHANNELS, Source, assumed_patch_size
+from .decoding import Bands, Image, decode
+from .values import OPTIONS as VALUE_OPTIONS
+from .values import Decoding, Encoding, choose_decoding
 
 OPTIONS = VALUE_OPTIONS | {"patch_width"}
 """The names of the Options that are heeded here."""

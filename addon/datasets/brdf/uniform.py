@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import NacreError
-from .direction_sets import direction_set
-from .options import Options
-from .source import CHANNELS, DEFAULT_PATCH_WIDTH, Source
+from ...errors import NacreError
+from ..direction_sets import direction_set
+from ..options import Options
+from ..source import CHANNELS, DEFAULT_PATCH_WIDTH, Source
 
 OPTIONS = frozenset({"lights", "views", "directions", "patch_width"})
 """What every reader of BRDFs takes."""

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import NacreError
-from .colour import spectrum_to_rec709, srgb_to_linear, xyz_to_rec709
-from .images import Image
-from .options import Options
+from ...errors import NacreError
+from ..colour import spectrum_to_rec709, srgb_to_linear, xyz_to_rec709
+from ..options import Options
+from .decoding import Image
 
 OPTIONS = frozenset({"cosine", "gamma", "white", "colour_space"})
 """The names of the Options that are heeded here."""

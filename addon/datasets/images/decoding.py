@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import NacreError
-from . import exr_image, radiance_hdr
-from .image_size import check_claim
+from ...errors import NacreError
+from . import exr, radiance_hdr
+from .size import check_claim
 
 SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".hdr", ".exr"})
 """Endings of the names of images that can be read."""
@@ -47,8 +47,8 @@ def suffix(name: str) -> str:
 
 def decode(data: bytes, name: str) -> Image:
     """The image in a file's bytes; NacreError, naming it, when it is damaged or not supported."""
-    if data.startswith(exr_image.MAGIC):
-        pixels, bands = exr_image.read(data, name)
+    if data.startswith(exr.MAGIC):
+        pixels, bands = exr.read(data, name)
         image = Image(pixels, bands, fits_half=pixels.dtype == np.float16)
     elif data.startswith(radiance_hdr.MAGIC):
         pixels, bands, notes = radiance_hdr.read(data, name)

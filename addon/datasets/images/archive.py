@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from ..errors import NacreError
+from ...errors import NacreError
 
 # Far beyond any measured image.
 _MOST = 2**28

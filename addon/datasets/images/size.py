@@ -1,6 +1,6 @@
 """What an image file may claim to hold, before any memory is taken for it."""
 
-from ..errors import NacreError
+from ...errors import NacreError
 
 MAX_SIDE = 8192
 """Pixels; beyond any measured image."""

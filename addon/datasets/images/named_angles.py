@@ -9,9 +9,9 @@ import re
 from collections.abc import Iterable
 from pathlib import PurePosixPath
 
-from ..errors import NacreError
-from .image_grid import ImageGrid, Pair, angles, complete
-from .images import OTHER_SUFFIXES, SUFFIXES, suffix
+from ...errors import NacreError
+from .decoding import OTHER_SUFFIXES, SUFFIXES, suffix
+from .grid import ImageGrid, Pair, angles, complete
 
 _KEYS = ("tl", "pl", "tv", "pv")
 _ANGLE = re.compile(r"(tl|pl|tv|pv)[ _]*([+-]?\d+(?:\.\d+)?)", re.IGNORECASE)

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import NacreError
-from ..openexr import quiet
-from .image_size import check_claim
+from ...errors import NacreError
+from ...openexr import quiet
+from .size import check_claim
 
 MAGIC = b"\x76\x2f\x31\x01"
 

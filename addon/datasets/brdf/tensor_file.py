@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import NacreError
+from ...errors import NacreError
 
 MAGIC = b"tensor_file\0\x01\0"
 """What a file of version 1.0 starts with."""

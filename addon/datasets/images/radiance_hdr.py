@@ -8,8 +8,8 @@ import re
 
 import numpy as np
 
-from ..errors import NacreError
-from .image_size import check_claim
+from ...errors import NacreError
+from .size import check_claim
 
 MAGIC = b"#?"
 
