@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 
 import bpy
 import numpy as np
@@ -14,7 +15,7 @@ from ..render.stage import new_scene
 from .cycles import set_up_cycles
 from .hemisphere_camera import HemisphereCamera, has_osl
 from .oblique_camera import ObliqueCamera
-from .patch import Patch, is_displaced, place
+from .patch import Patch, place
 from .tiles import Tiles
 from .top_view import measure_top_view
 
@@ -66,11 +67,10 @@ def new_instrument(
         if len(directions) and directions[:, 2].min() < LOWEST_Z:
             raise NacreError(f"a {name} direction lies at or below the horizon: leave it out")
     tiles = Tiles(len(view), texels)
-    displaced = _heights(patch) if is_displaced(patch) else None
     with new_scene(texels) as scene:
         set_up_cycles(scene, samples, bounces)
         slope = _steepest(view) + (_steepest(light) if len(light) else 0.0)
-        top = place(scene, patch, slope, displaced)
+        top = place(scene, patch, slope, partial(_heights, patch))
         # Well above the patch, and not so far that positions lose digits.
         height = top + 0.1 * max(patch.size)
         camera = HemisphereCamera if has_osl() else ObliqueCamera

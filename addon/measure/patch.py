@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import bpy
 import numpy as np
 from mathutils import Vector
 
 from ..errors import NacreError
-from .translucent import add_welded, is_translucent
+from .translucent import add_welded, is_translucent, materials_of
 
 # Quads along a side of the plane that carries a material with true displacement.
 DISPLACED_QUADS = 512
@@ -74,23 +75,25 @@ def place(
     scene: bpy.types.Scene,
     patch: Patch,
     slope: float,
-    heights: tuple[float, float] | None = None,
+    heights: Callable[[], tuple[float, float]] | None = None,
 ) -> float:
     """Instance the patch and its neighbours into an empty scene; how high it rises in metres.
 
     `slope` is the largest sum of tan(theta) of a view and a light: so far, in heights of the
-    patch, a ray and its shadow may wander. `heights` are the lowest and highest point in metres
-    where displacement leaves the objects' bounds. Raises NacreError for a patch with nothing in it.
+    patch, a ray and its shadow may wander. `heights` finds the lowest and highest point in metres
+    where a material's displacement leaves the objects' bounds. Raises NacreError for a patch with
+    nothing in it.
     """
     _instance(scene, patch.collection, 0.0, 0.0)
-    low, high = _bounds(scene)
-    if heights is not None:
-        low[2], high[2] = heights
+    shown = _look_at(scene)
+    low, high = shown.low, shown.high
+    if shown.displaced and heights is not None:
+        low[2], high[2] = heights()
     reach = (high[2] - low[2]) * slope
     overhang = np.maximum(np.maximum(-low, high)[:2] - np.array(patch.size) / 2, 0.0)
     columns, rows = (max(1, math.ceil(r)) for r in (reach + overhang) / patch.size)
     collection = patch.collection
-    if any(is_translucent(item) for item in collection.all_objects):
+    if shown.translucent:
         collection = add_welded(scene, patch.collection, patch.size, (columns, rows))
         _remove_instances(scene)
         _instance(scene, collection, 0.0, 0.0)
@@ -99,14 +102,6 @@ def place(
             if row or column:
                 _instance(scene, collection, column * patch.size[0], row * patch.size[1])
     return max(float(high[2]), 0.0)
-
-
-def is_displaced(patch: Patch) -> bool:
-    """Whether a material of the patch moves its surface."""
-    materials = {
-        slot.material for item in patch.collection.all_objects for slot in item.material_slots
-    }
-    return any(m is not None and m.displacement_method != "BUMP" for m in materials)
 
 
 def _instance(scene: bpy.types.Scene, collection: bpy.types.Collection, x: float, y: float) -> None:
@@ -154,21 +149,32 @@ def _plane(material: bpy.types.Material, size: tuple[float, float]) -> bpy.types
     return bpy.data.objects.new("Plane", mesh)
 
 
-def _bounds(scene: bpy.types.Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest corner (3,) of what the scene shows, instances included."""
+class _Shown(NamedTuple):
+    """What a scene shows: its lowest and highest corner (3,), by the objects' bounds, and whether
+    some material moves its surface or lets light below it."""
+
+    low: np.ndarray
+    high: np.ndarray
+    displaced: bool
+    translucent: bool
+
+
+def _look_at(scene: bpy.types.Scene) -> _Shown:
+    """Raises NacreError when there is nothing."""
     layer = scene.view_layers[0]
     layer.update()
-    graph = layer.depsgraph
-    corners = [
-        instance.matrix_world @ Vector(corner)
-        for instance in graph.object_instances
-        if instance.object.type in SHAPES
-        for corner in instance.object.bound_box
-    ]
+    corners, displaced, translucent = [], False, False
+    for instance in layer.depsgraph.object_instances:  # whose objects live no longer than a step
+        shape = instance.object
+        if shape.type not in SHAPES:
+            continue
+        corners += [instance.matrix_world @ Vector(corner) for corner in shape.bound_box]
+        displaced |= any(m.displacement_method != "BUMP" for m in materials_of(shape))
+        translucent |= is_translucent(shape)
     if not corners:
         raise NacreError("the patch holds nothing that renders: put a mesh or hair curves in it")
     found = np.array(corners)
-    return found.min(0), found.max(0)
+    return _Shown(found.min(0), found.max(0), displaced, translucent)
 
 
 SHAPES = {"MESH", "CURVE", "CURVES", "SURFACE", "META", "FONT", "POINTCLOUD", "VOLUME"}

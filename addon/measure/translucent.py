@@ -17,13 +17,19 @@ _WEIGHT, _NODE = "Subsurface Weight", "ShaderNodeSubsurfaceScattering"
 _WELD = 1e-5
 
 
-def is_translucent(item: bpy.types.Object) -> bool:
-    """Whether an object is a mesh with subsurface scattering in one of its materials."""
-    return item.type == "MESH" and any(
-        _scatters(slot.material.node_tree)
-        for slot in item.material_slots
-        if slot.material is not None and slot.material.node_tree is not None
+def is_translucent(shape: bpy.types.Object) -> bool:
+    """Whether an evaluated object is a mesh with subsurface scattering in one of its materials."""
+    return shape.type == "MESH" and any(
+        material.node_tree is not None and _scatters(material.node_tree)
+        for material in materials_of(shape)
     )
+
+
+def materials_of(shape: bpy.types.Object) -> list[bpy.types.Material]:
+    """The materials of an evaluated object, also those that only its modifiers set."""
+    slots = [slot.material for slot in shape.material_slots]
+    own = list(getattr(shape.data, "materials", ()))
+    return [material for material in [*slots, *own] if material is not None]
 
 
 def add_welded(
@@ -42,11 +48,12 @@ def add_welded(
     rest = bpy.data.collections.new("Patch")
     rest.instance_offset = collection.instance_offset
     for item in collection.all_objects:
-        if not is_translucent(item):
+        evaluated = item.evaluated_get(graph)
+        if not is_translucent(evaluated):
             rest.objects.link(item)
         elif not item.hide_render:
             mesh = bpy.data.meshes.new_from_object(
-                item.evaluated_get(graph), preserve_all_data_layers=True, depsgraph=graph
+                evaluated, preserve_all_data_layers=True, depsgraph=graph
             )
             mesh.transform(Matrix.Translation(-collection.instance_offset) @ item.matrix_world)
             welded = bpy.data.objects.new(item.name, mesh)

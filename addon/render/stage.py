@@ -23,7 +23,7 @@ def new_scene(size: tuple[int, int]) -> Iterator[bpy.types.Scene]:
     """An empty scene of a picture size (width, height); what it held is removed at the end."""
     before = {
         kind: set(getattr(bpy.data, kind))
-        for kind in ("objects", "meshes", "lights", "cameras", "worlds")
+        for kind in ("objects", "meshes", "lights", "cameras", "worlds", "collections")
     }
     scene = bpy.data.scenes.new("Nacre")
     scene.render.resolution_x, scene.render.resolution_y = size

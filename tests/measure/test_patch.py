@@ -124,7 +124,24 @@ def test_top_view(tmp_path):
     np.testing.assert_array_equal(top["normal"][:, 3], [(0.5, 0.5, 1)] * 4)
 
 
-def test_translucent_light_crosses_from_one_neighbour_into_the_next(tmp_path):
+def _set_by_a_modifier(item: bpy.types.Object, material: bpy.types.Material) -> None:
+    """Geometry nodes that give an object without materials one."""
+    tree = bpy.data.node_groups.new("Set", "GeometryNodeTree")
+    for side in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=side, socket_type="NodeSocketGeometry")
+    first, last, node = (
+        tree.nodes.new(kind)
+        for kind in ("NodeGroupInput", "NodeGroupOutput", "GeometryNodeSetMaterial")
+    )
+    node.inputs["Material"].default_value = material
+    tree.links.new(first.outputs[0], node.inputs["Geometry"])
+    tree.links.new(node.outputs[0], last.inputs[0])
+    item.data.materials.clear()
+    item.modifiers.new("Set", "NODES").node_group = tree
+
+
+@pytest.mark.parametrize("modifier", [False, True])
+def test_translucent_light_crosses_from_one_neighbour_into_the_next(tmp_path, modifier):
     """A translucent slab without structure looks alike everywhere, at the edges, too."""
     item = _quad(-0.5, -0.5, 1, 1)
     material = bpy.data.materials.new("Wax")
@@ -134,7 +151,10 @@ def test_translucent_light_crosses_from_one_neighbour_into_the_next(tmp_path):
     inputs["Subsurface Weight"].default_value = 1
     inputs["Subsurface Radius"].default_value = (1, 1, 1)
     inputs["Subsurface Scale"].default_value = 0.2
-    item.data.materials[0] = material
+    if modifier:
+        _set_by_a_modifier(item, material)
+    else:
+        item.data.materials[0] = material
     with open_patch(item) as patch:
         dataset = measure_btf(patch, tmp_path / "a.nacre", UP, UP, Settings(8, 256))
     found = dataset.samples[0, 0].astype(float).mean(-1)

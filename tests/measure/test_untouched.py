@@ -30,6 +30,8 @@ def scene():
     bpy.ops.wm.read_homefile(use_empty=False, use_factory_startup=True)
     bpy.ops.mesh.primitive_monkey_add(size=2, location=(3, 1, 2))
     scene = bpy.context.scene
+    material = bpy.data.materials["Material"]  # the cube's
+    material.node_tree.nodes["Principled BSDF"].inputs["Subsurface Weight"].default_value = 0.5
     scene.frame_set(7)
     scene.render.resolution_x, scene.cycles.samples = 123, 77
     scene.render.filepath = "//mine.png"
@@ -98,11 +100,16 @@ def _occlusion(path):
         measure_occlusion(patch, path, LIGHT, width=8)
 
 
-def _disk_full(path):
+def _not_empty(path):
     path.mkdir()
     (path / "precious.txt").write_text("mine")
     with pytest.raises(NacreError, match="is not a Nacre dataset"):
         _measure(path)
+
+
+def _translucent(path):
+    with open_patch(bpy.data.objects["Cube"]) as patch:
+        measure_btf(patch, path, LIGHT, LIGHT, Settings(8, 1))
 
 
 def _material(path):
@@ -111,7 +118,9 @@ def _material(path):
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-@pytest.mark.parametrize("way", [_measure, _cancelled, _failed, _occlusion, _disk_full, _material])
+@pytest.mark.parametrize(
+    "way", [_measure, _cancelled, _failed, _occlusion, _not_empty, _translucent, _material]
+)
 def test_scene_is_left_as_it_was(tmp_path, scene, way):
     before = _state()
     assert len(before) > 2000
