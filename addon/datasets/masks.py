@@ -153,4 +153,4 @@ def _full(array: np.ndarray, name: str) -> float:
 
 def _array_blocks(array: np.ndarray, full: float) -> Generator[np.ndarray]:
     for mask in array:
-        yield (mask >= 0.5 * full).astype(np.float16)
+        yield (mask >= 0.5 * full).astype(np.float16, order="C")

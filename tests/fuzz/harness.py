@@ -18,6 +18,7 @@ from contextlib import closing, contextmanager, nullcontext
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from addon.datasets.importing import READERS, describe_source
 from addon.datasets.options import Options
@@ -58,18 +59,20 @@ def inputs(name: str) -> dict[str, bytes]:
 def read(module: ModuleType, data: bytes) -> str | None:
     """Describe and read a file with these bytes; returns the error that it was refused with.
 
-    A target may have `wrap(data)`, which makes the file's bytes of the input, and `smaller()`, a
-    context in which the reader of large files takes small ones. Raises AssertionError for too much
+    A target may have `wrap(data)`, which makes the file's bytes of the input, `smaller()`, a
+    context in which the reader of large files takes small ones, and `options(folder)`, what its
+    files need beside them. Raises AssertionError for too much
     memory and for an error that is not one line, and whatever the reader raises besides NacreError.
     """
     path = _folder() / f"input{module.SUFFIX}"
+    given = module.options(_folder()) if hasattr(module, "options") else {}
     path.write_bytes(getattr(module, "wrap", bytes)(data))
     smaller = getattr(module, "smaller", nullcontext)
     with warnings.catch_warnings(), smaller():
         warnings.simplefilter("error")
         tracemalloc.start()
         try:
-            _read(reader_of(module), path)
+            _read(reader_of(module), path, given)
             return None
         except NacreError as error:
             assert str(error)
@@ -89,9 +92,9 @@ def _folder() -> Path:
     return Path(folder)
 
 
-def _read(reader: str, path: Path) -> None:
-    describe_source(path, format=reader)
-    source = READERS[reader].open_source(path, Options())
+def _read(reader: str, path: Path, given: dict[str, Any]) -> None:
+    describe_source(path, format=reader, **given)
+    source = READERS[reader].open_source(path, Options(**given))
     taken = 0
     with closing(source.blocks()) as blocks:
         for block in blocks:

@@ -117,6 +117,9 @@ def _material(path):
         measure_btf(patch, path, LIGHT, LIGHT, Settings(8, 1))
 
 
+WAYS = [_measure, _cancelled, _failed, _occlusion, _not_empty, _translucent, _material]
+
+
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.parametrize(
     "way", [_measure, _cancelled, _failed, _occlusion, _not_empty, _translucent, _material]
