@@ -128,6 +128,10 @@ def _read_image(path: Path) -> np.ndarray:
 def _open_array(path: Path) -> np.ndarray:
     """The array of a .npy file, mapped and not read."""
     try:
+        with path.open("rb") as file:
+            if np.lib.format.read_magic(file) != (1, 0):
+                # Later ones may claim headers of gigabytes, which numpy makes room for.
+                raise ValueError("its header is not of version 1.0")
         array = np.load(path, mmap_mode="r", allow_pickle=False)
     except Exception as error:  # numpy lets its tokenizer's errors through
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
