@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..datasets.dataset import AXES, Dataset, DatasetWriter, check_destination, open_dataset
-from ..errors import Cancelled
+from ..errors import Cancelled, NacreError
 from .cycles import add_light, aim
 from .instrument import new_instrument, program
 from .noise import energy_and_noise, noise_floor_db, samples_for, strips_rendered_twice
@@ -19,7 +19,6 @@ from .top_view import measure_top_view, write_side_channels
 from .unfinished import Unfinished
 
 Progress = Callable[[float, str], bool]
-Picture = Callable[[int, int, int], np.ndarray]
 
 # What of dataset.json the pictures depend on.
 _PICTURED = ("light", "view", "patch_size")
@@ -49,12 +48,14 @@ def measure_btf(
     A measurement of the same patch, directions, settings and `origin`, which tells one state of the
     scene from another, that was cancelled or killed is gone on with, whatever finished pictures it
     left; the result has the same bits. `resume` does so with another origin, too, and `restart`
-    throws the pictures away. Raises NacreError for an empty patch,
+    throws the pictures away. Raises NacreError for an empty patch, a part without lights,
     directions below the horizon, an unfinished measurement of something else and a disk that cannot
     be written, Cancelled when `progress` answers False.
     """
     path = check_destination(path)
     first, last = (len(light) * (part[0] - 1 + end) // part[1] for end in (0, 1))
+    if first == last:
+        raise NacreError(f"part {part[0]} of {part[1]} is empty: there are {len(light)} lights")
     measurement = {
         "patch": patch.name or patch.collection.name,
         "origin": origin,
@@ -93,7 +94,6 @@ def _take_pictures(
     progress: Progress | None,
 ) -> int:
     """Bring the unfinished measurement to all its pictures; how many samples they took."""
-
     samples = settings.samples if settings.noise_db is None else unfinished.samples()
     missing = [number for number in numbers if unfinished.load(number) is None]
     if not missing and samples is not None:

@@ -130,6 +130,15 @@ def test_merging_mistakes(tmp_path, make_patch):
     assert not out.exists()
 
 
+def test_more_parts_than_lights(tmp_path, make_patch):
+    with pytest.raises(NacreError, match="part 1 of 3 is empty: there are 2 lights"):
+        measure_btf(
+            make_patch(QUAD), tmp_path / "a.nacre", np.repeat(UP, 2, 0), UP, Settings(2, 1),
+            part=(1, 3),
+        )  # fmt: skip
+    assert not list(tmp_path.iterdir())
+
+
 def test_unfinished_measurement_of_something_else(tmp_path, make_patch):
     patch, path = make_patch(QUAD), tmp_path / "a.nacre"
     light = np.repeat(UP, 3, 0)
