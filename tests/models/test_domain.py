@@ -7,7 +7,7 @@ import pytest
 from measured import WOOL, compressed, measured
 from small_btf import make_model, make_samples, write_dataset
 
-from addon.datasets.btf import _to_rgb
+from addon.datasets.bonn.colour_models import ColourModel
 from addon.datasets.dataset import open_dataset
 from addon.errors import Cancelled, NacreError
 from addon.models.domain import OFFSET, to_linear, to_log
@@ -64,9 +64,10 @@ def test_it_is_colour_model_11_of_measured_files_with_another_offset():
     log, u, v = np.moveaxis(to_log(rgb), -1, 0)
     planes = [np.log(np.exp(log) - OFFSET + 1e-5)]
     planes += [chroma * (luminance + OFFSET) / (luminance + 1e-5) for chroma in (u, v)]
-    decoded = _to_rgb([plane.astype(np.float32) for plane in planes], 11)
+    model = ColourModel(11, np.zeros(3), np.eye(3))
+    decoded = model.decode(np.stack(planes).astype(np.float32))
     # The files' matrix has five digits.
-    assert (np.abs(np.stack(decoded, -1) - rgb) < 1e-4 * rgb.max(1, keepdims=True)).all()
+    assert (np.abs(np.moveaxis(decoded, 0, -1) - rgb) < 1e-4 * rgb.max(1, keepdims=True)).all()
 
 
 def test_a_model_of_logarithms_decodes_to_their_exponentials():
