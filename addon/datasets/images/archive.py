@@ -75,6 +75,9 @@ class _Zip(Files):
 
     def read(self, name: str) -> bytes:
         stored = self.size(name)
+        if self._entries[name].compress_size > self._bytes:
+            # Before Python 3.13 zipfile makes room for whatever is claimed.
+            raise NacreError(f"{name} claims more bytes than the zip has")
         if self._entries[name].file_size > min(_MOST, max(_UNSUSPICIOUS, _RATIO * stored)):
             raise NacreError(f"{name} is too large for an image in a zip")
         try:
