@@ -12,6 +12,7 @@ from ..datasets.occlusion import signed_distance
 from ..errors import Cancelled
 from .instrument import new_instrument, program
 from .patch import Patch
+from .settings import Settings
 
 Progress = Callable[[float, str], bool]
 
@@ -35,7 +36,7 @@ def measure_occlusion(
     path = check_destination(path)
     if progress and not progress(0.0, "Measuring"):
         raise Cancelled
-    texels = width, max(1, round(width * patch.size[1] / patch.size[0]))
+    texels = Settings(width).texels(patch.size)
     samples = (coverage(patch, view, texels) >= 0.5).astype(np.float32)
     if value == "signed-distance":
         samples = signed_distance(samples, periodic=True)

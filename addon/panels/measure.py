@@ -5,6 +5,7 @@ import bpy
 from .. import jobs
 from ..datasets.direction_sets import direction_set
 from ..errors import NacreError
+from ..measure.settings import Settings
 from ..measurement_properties import NACRE_PG_measurement, directions, item_to_measure
 from .layout import SidebarPanel, draw_facts, draw_step, property_column
 
@@ -85,8 +86,8 @@ def expected_dataset(chosen: NACRE_PG_measurement) -> str:
     if any(getattr(chosen, f"{axis}s") == "csv" for axis in axes):
         return ""
     counts = [len(direction_set(directions(chosen, axis))) for axis in axes]
-    aspect = chosen.height / chosen.width if chosen.width > 0 and chosen.height > 0 else 1.0
-    rows = max(1, round(chosen.texels * aspect))
+    size = (chosen.width, chosen.height or chosen.width) if chosen.width > 0.0 else (1.0, 1.0)
+    _, rows = Settings(chosen.texels).texels(size)
     numbers = chosen.texels * rows * (3 if chosen.kind == "BTF" else 1)
     for count in counts:
         numbers *= count
