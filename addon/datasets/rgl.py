@@ -37,6 +37,9 @@ EXTENSIONS = (".bsdf", ".pbsdf")
 # Real files have 195.
 _MOST_WAVELENGTHS = 512
 
+# Parts of the turn that are too small to tell azimuths apart.
+_SAME_AZIMUTH = 1e-9
+
 
 def matches(path: Path) -> bool:
     """Whether the file starts as a tensor file does."""
@@ -163,7 +166,9 @@ class _Adaptive:
             theta_m, phi_m = elevation(half), np.arctan2(half[:, 1], half[:, 0])
             x = _theta_to_unit(theta_m)
             y = _phi_to_unit(phi_m - phi_i if self.isotropic else phi_m)
-            y -= np.floor(y)
+            # Both ends of the turn are one azimuth: which of them is not left to the last bit, that
+            # numpy's arctan2 rounds as memory happens to lie.
+            y -= np.floor(y + _SAME_AZIMUTH)
             slices = blend([(self.phi_i, phi_i), (self.theta_i, theta_i)])
             values = interpolate(colour, *warp(x, y, slices), slices)
             if self.jacobian:

@@ -111,6 +111,16 @@ def test_two_slices_of_phi_are_isotropic(tmp_path):
     assert np.allclose(samples(path), one, rtol=1e-6)
 
 
+def test_both_ends_of_the_turn_are_one_azimuth(tmp_path, csv):
+    """The half vector opposite to the view, a last bit more or less."""
+    path = tmp_path / "a.bsdf"
+    path.write_bytes(RglFile(0).to_bytes())
+    views = csv("v.csv", [(30, 0)])
+    lights = csv("l.csv", [(60, 180 + turn) for turn in (-1e-11, 0, 1e-11)])
+    values = samples(path, lights=lights, views=views)
+    assert np.allclose(values[[0, 2]], values[[1, 1]], rtol=1e-6)
+
+
 def test_values_below_0_and_what_is_no_number_are_0(tmp_path):
     fields = RglFile(0).fields()
     fields["rgb"][:, :, 1] = np.nan
