@@ -25,7 +25,7 @@ def main() -> None:
         for size in SIZES:
             tables = build_tables(model, size)
             found = tables_against_model(model, tables)
-            memory = tables.light.nbytes + tables.view.nbytes + tables.index.nbytes
+            memory = tables.light.nbytes + tables.view.nbytes + tables.view_index.nbytes
             print(
                 f"{size:>5}^2  {found['relative']:>7.2%} {found['max_abs']:>8.3f} "
                 f"{memory / 1e6:>6.1f} MB"

@@ -8,17 +8,26 @@ from numpy.typing import NDArray
 from .parabolic import texel_of
 from .tables import Tables
 
+_POINTS = 4096  # evaluated at a time, which bounds the memory
+
 
 def evaluate_patch(
     tables: Tables, light: NDArray[np.floating], view: NDArray[np.floating]
 ) -> NDArray[np.float32]:
-    """Values (light, view, Y, X, channel) at texel centres for unit directions, clamped at 0."""
-    lights = _light_rows(tables, light)
+    """Values (light, view, Y, X, channel) of a BTF at texel centres for unit directions, clamped
+    at 0."""
+    rows = _light_rows(tables, light)
     values = [
-        np.einsum("lcr,ryx->lyxc", lights, _contract_view(tables, direction), optimize=True)
+        np.tensordot(rows, _contract_view(tables, direction), ((2, 3, 4), (0, 1, 2)))
         for direction in np.asarray(view)
     ]
-    return np.maximum(np.stack(values, 1), 0.0).astype(np.float32)
+    return np.maximum(np.moveaxis(np.stack(values, 1), 2, -1), 0.0).astype(np.float32)
+
+
+def evaluate_occlusion(tables: Tables, view: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Masks or signed distances (view, Y, X) of occlusion at texel centres for unit directions."""
+    values = [_contract_view(tables, direction).sum((0, 1, 2)) for direction in np.asarray(view)]
+    return np.stack(values)
 
 
 def evaluate_points(
@@ -27,40 +36,110 @@ def evaluate_points(
     view: NDArray[np.floating],
     uv: NDArray[np.floating],
 ) -> NDArray[np.float32]:
-    """Values (n, channel) at n points: unit light and view directions (n, 3) in the tangent frame
-    and texture coordinates (n, 2) that repeat with the patch; bilinear in space, clamped at 0."""
-    column, row = texel_of(np.asarray(view), tables.size).T
-    index = tables.index[:, row, column]
-    coefficients = tables.view[:, :, row, column]
-    size_y, size_x = tables.core.shape[3:5]
-    place = np.asarray(uv) * (size_x, size_y) - 0.5
+    """Values (n, channel) of a BTF at n points: unit light and view directions (n, 3) in the
+    tangent frame and texture coordinates (n, 2) that repeat with the patch; bilinear in space,
+    clamped at 0."""
+    parts = [
+        _points(tables, light[first : first + _POINTS], view[first : first + _POINTS], part)
+        for first in range(0, len(uv), _POINTS)
+        for part in [np.asarray(uv)[first : first + _POINTS]]
+    ]
+    return np.maximum(np.concatenate(parts), 0.0).astype(np.float32)
+
+
+def _points(
+    tables: Tables,
+    light: NDArray[np.floating],
+    view: NDArray[np.floating],
+    uv: NDArray[np.floating],
+) -> NDArray[np.float32]:
+    view_texel, light_texel = (texel_of(np.asarray(d), tables.size).T for d in (view, light))
+    view_clusters = tables.view_index[:, view_texel[1], view_texel[0]]  # (K_v, n)
+    light_clusters = tables.light_index[:, light_texel[1], light_texel[0]]
+    coefficients = tables.view[:, :, :, view_texel[1], view_texel[0]]
+    rows = _flat(_lights(tables)[..., light_texel[1], light_texel[0], :], tables)  # (o,c,K_l,n,R)
+    points = np.arange(len(uv))
+    taps = _taps(np.asarray(uv), tables.core.shape[4:6])
+    values = np.zeros((len(uv), tables.channels), np.float32)
+    for k_l, clusters_l in enumerate(light_clusters):
+        own = clusters_l if len(tables.view) > 1 else 0
+        for k_v, clusters_v in enumerate(view_clusters):
+            weights = coefficients[:, k_v].transpose(2, 0, 1, 3)[points, own]  # (n, quads, 4)
+            reduced = sum(
+                weight[:, None]
+                * np.einsum(
+                    "nrqe,nqe->nr", tables.core[clusters_l, clusters_v, :, :, y, x], weights
+                )
+                for weight, y, x in taps
+            )
+            other = clusters_v if len(rows) > 1 else 0
+            values += np.einsum(
+                "ncr,nr->nc", rows[:, :, k_l].transpose(2, 0, 1, 3)[points, other], reduced
+            )
+    return values * (np.asarray(light)[:, 2:] > 0.0)
+
+
+def _taps(
+    uv: NDArray[np.floating], size: tuple[int, ...]
+) -> list[tuple[NDArray[np.floating], NDArray[np.intp], NDArray[np.intp]]]:
+    """The four texels round points (n, 2): weight, y and x."""
+    height, width = size
+    place = uv * (width, height) - 0.5
     corner = np.floor(place).astype(np.intp)
     along = place - corner
-    reduced = np.zeros((len(place), tables.core.shape[1]), np.float32)
-    for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
-        weight = np.abs(1 - dx - along[:, 0]) * np.abs(1 - dy - along[:, 1])
-        x, y = (corner[:, 0] + dx) % size_x, (corner[:, 1] + dy) % size_y
-        texels = tables.core[index, :, :, y, x]  # (mixtures, n, R_light, quads, 4)
-        reduced += weight[:, None] * np.einsum("knrqe,kqne->nr", texels, coefficients)
-    values = np.einsum("ncr,nr->nc", _light_rows(tables, light), reduced)
-    return np.maximum(values, 0.0).astype(np.float32)
+    return [
+        (
+            np.abs(1 - dx - along[:, 0]) * np.abs(1 - dy - along[:, 1]),
+            (corner[:, 1] + dy) % height,
+            (corner[:, 0] + dx) % width,
+        )
+        for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1))
+    ]
+
+
+def _lights(tables: Tables) -> NDArray[np.float32]:
+    """The light maps; ValueError for tables of occlusion."""
+    if tables.light is None:
+        raise ValueError("tables: expected those of a BTF, not of occlusion")
+    return tables.light
+
+
+def _flat(rows: NDArray[np.float32], tables: Tables) -> NDArray[np.float32]:
+    """Quads (owners, channels, K, quads, n, 4) as ranks (owners, channels, K, n, R_light)."""
+    rows = np.moveaxis(rows, 3, -2)
+    return rows.reshape(*rows.shape[:-2], -1)[..., : tables.core.shape[2]]
 
 
 def _light_rows(tables: Tables, light: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Light basis rows (n, channel, R_light); zero for lights below the horizon."""
+    """Light basis rows with those of all clusters, zero where a light has none of it: (n, channel,
+    C_light, C_view or 1, R_light); zero for lights below the horizon."""
     light = np.asarray(light)
     column, row = texel_of(light, tables.size).T
-    rows = np.moveaxis(tables.light[:, :, row, column], 2, 0)
-    rows = rows.reshape(*rows.shape[:2], -1)[..., : tables.core.shape[1]]
-    return rows * (light[:, 2] > 0.0)[:, None, None]
+    rows = _flat(_lights(tables)[..., row, column, :], tables)  # (owners, c, K, n, R)
+    clusters = tables.light_index[:, row, column]
+    points = np.arange(len(light))
+    dense = np.zeros((len(light), rows.shape[1], len(tables.core), len(rows), rows.shape[-1]))
+    for k, members in enumerate(clusters):
+        dense[points, :, members] += np.moveaxis(rows[:, :, k], 2, 0).transpose(0, 2, 1, 3)
+    return (dense * (light[:, 2] > 0.0)[:, None, None, None, None]).astype(np.float32)
 
 
 def _contract_view(tables: Tables, direction: NDArray[np.floating]) -> NDArray[np.float32]:
-    """The core with its view mode contracted: (R_light, Y, X)."""
+    """The core with its view mode contracted: (C_light, C_view or 1, R_light, Y, X).
+
+    Summed over the view's clusters where one set of light rows serves them all.
+    """
     column, row = texel_of(direction, tables.size)
-    return np.einsum(
-        "krqyxe,kqe->ryx",
-        tables.core[tables.index[:, row, column]],
-        tables.view[:, :, row, column],
-        optimize=True,
+    clusters = tables.view_index[:, row, column]
+    coefficients = tables.view[:, :, :, row, column]  # (owners, K_v, quads, 4)
+    coefficients = np.broadcast_to(coefficients, (len(tables.core), *coefficients.shape[1:]))
+    apart = tables.light is not None and len(tables.light) > 1
+    light_clusters, view_clusters, rank, _, height, width, _ = tables.core.shape
+    reduced = np.zeros(
+        (light_clusters, view_clusters if apart else 1, rank, height, width), np.float32
     )
+    for k, cluster in enumerate(clusters):
+        reduced[:, cluster if apart else 0] += np.einsum(
+            "lrqyxe,lqe->lryx", tables.core[:, cluster], coefficients[:, k], optimize=True
+        )
+    return reduced
