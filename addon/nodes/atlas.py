@@ -34,11 +34,6 @@ class Atlas:
         """The size of one tile in the image's texture coordinates."""
         return 1.0 / (self.across * self.columns), 1.0 / (self.up * self.rows), 0.0
 
-    def offset(self, tile: int) -> tuple[float, float, float]:
-        """Where a tile begins within its block."""
-        row, column = divmod(tile, self.columns)
-        return column * self.scale[0], row * self.scale[1], 0.0
-
 
 def make_atlas(name: str, blocks: NDArray[np.float32]) -> Atlas:
     """Lay out blocks (across, up, tiles, Y, X, 4) in a packed image.
