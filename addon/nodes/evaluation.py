@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import bpy
 
+from .atlas import Atlas
 from .graph import Graph, Operand, Wire
 from .lookups import fetch, parabolic, within
 from .loops import choose, repeat
@@ -37,7 +38,7 @@ class Evaluation:
         self.view_place = within(g, packed.view, place)
         first = -(-shapes.light_mixtures // 4)  # in the index, lights come first
         self.view_clusters = self._clusters(g, place, shapes.view_mixtures, first, 1)
-        self.reduced = self._contract(g, None) if shapes.reduced_once else None
+        self.reduced = self.contract(g, None) if shapes.reduced_once else None
 
     def value(self, g: Graph, light: Wire) -> list[Wire]:
         """Each channel for one light, a unit vector in the tangent frame, clamped at 0."""
@@ -47,11 +48,11 @@ class Evaluation:
         clusters = self._clusters(g, place, shapes.light_mixtures, 0, 0)
 
         def add_mixture(g: Graph, index: Wire | int, state: list[Wire]) -> list[Operand]:
-            reduced = self.reduced or self._contract(g, choose(g, index, clusters))
+            reduced = self.reduced or self.contract(g, choose(g, index, clusters))
             here = at
             if shapes.light_mixtures > 1:
                 here = g.operate("ADD", at, g.combine(index * (1.0 / shapes.light_mixtures), 0.0))
-            return self._rows(g, here, reduced, state)
+            return self.rows(g, self.packed.light, here, reduced, state)
 
         value = repeat(g, shapes.light_mixtures, [0.0] * shapes.channels, add_mixture)
         above = g.math("GREATER_THAN", g.separate(light)[2], 0.0)
@@ -69,7 +70,7 @@ class Evaluation:
             found += fetch(g, self.packed.index, at, tile + len(found) // 4)
         return found[:mixtures]
 
-    def _contract(self, g: Graph, light_cluster: Operand | None) -> list[Wire]:
+    def contract(self, g: Graph, light_cluster: Operand | None) -> list[Wire]:
         """Reduced light vectors for one of a light's clusters, or for all lights."""
         shapes = self.packed.shapes
         across = 0.0 if light_cluster is None else light_cluster
@@ -86,10 +87,16 @@ class Evaluation:
             g, self.texel_group, self.packed, self.around, [*blocks, *coefficients]
         )
 
-    def _rows(
-        self, g: Graph, at: Wire, reduced: Sequence[Wire], state: Sequence[Operand]
+    def rows(
+        self,
+        g: Graph,
+        atlas: Atlas,
+        at: Wire,
+        reduced: Sequence[Wire],
+        state: Sequence[Operand],
     ) -> list[Operand]:
-        """The sums of `state` and the products of reduced vectors with rows of the light basis."""
+        """The sums of `state`, one a channel, and the products of reduced vectors with rows of the
+        light basis in an atlas."""
         shapes = self.packed.shapes
         sums = list(state)
         for number, cluster in enumerate(self.view_clusters if shapes.views_apart else [None]):
@@ -100,9 +107,9 @@ class Evaluation:
                 # these wait for the numbers they are multiplied with.
                 wait = g.math("MULTIPLY", vector[0], 1e-30)
                 here = g.operate("ADD", at, g.combine(wait, cluster))
-            for channel in range(shapes.channels):
+            for channel in range(len(sums)):
                 for quad in range(shapes.light_quads):
-                    rows = fetch(g, self.packed.light, here, channel * shapes.light_quads + quad)
+                    rows = fetch(g, atlas, here, channel * shapes.light_quads + quad)
                     for row, factor in zip(rows, vector[4 * quad :], strict=False):
                         sums[channel] = g.math("MULTIPLY_ADD", row, factor, sums[channel])
         return sums
