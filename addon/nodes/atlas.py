@@ -40,6 +40,12 @@ def make_atlas(name: str, blocks: NDArray[np.float32]) -> Atlas:
 
     Raises NacreError when that does not fit the largest texture.
     """
+    pixels, columns, rows = lay_out(name, blocks)
+    return Atlas(make_image(name, pixels), *blocks.shape[:2], columns, rows)
+
+
+def lay_out(name: str, blocks: NDArray[np.float32]) -> tuple[NDArray[np.float32], int, int]:
+    """The pixels of make_atlas, and the columns and rows of tiles in a block."""
     across, up, tiles, height, width, _ = blocks.shape
     # Tiles of a block form the rectangle that makes the whole as square as it can be.
     columns = max(1, min(tiles, round(sqrt(tiles * height * up / (width * across)))))
@@ -57,7 +63,7 @@ def make_atlas(name: str, blocks: NDArray[np.float32]) -> Atlas:
     pixels = grid.transpose(1, 2, 4, 0, 3, 5, 6).reshape(
         up * rows * height, across * columns * width, 4
     )
-    return Atlas(make_image(name, pixels), across, up, columns, rows)
+    return pixels, columns, rows
 
 
 def make_image(name: str, pixels: NDArray[np.float32]) -> bpy.types.Image:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import bpy
 
+from .atlas import Atlas
 from .graph import Graph, Operand, Wire
 from .lookups import look_up, parabolic
 from .loops import choose, repeat
@@ -37,7 +38,7 @@ class Evaluation:
         self.view_place = place
         first = -(-shapes.light_mixtures // 4)  # in the index, lights come first
         self.view_clusters = self._clusters(g, place, shapes.view_mixtures, first, 1)
-        self.reduced = self._contract(g, None) if shapes.reduced_once else None
+        self.reduced = self.contract(g, None) if shapes.reduced_once else None
 
     def value(self, g: Graph, light: Wire) -> list[Wire]:
         """Each channel for one light, a unit vector in the tangent frame, clamped at 0."""
@@ -46,8 +47,10 @@ class Evaluation:
         clusters = self._clusters(g, place, shapes.light_mixtures, 0, 0)
 
         def add_mixture(g: Graph, index: Wire | int, state: list[Wire]) -> list[Operand]:
-            reduced = self.reduced or self._contract(g, choose(g, index, clusters))
-            return self._rows(g, place, index * (1.0 / shapes.light_mixtures), reduced, state)
+            reduced = self.reduced or self.contract(g, choose(g, index, clusters))
+            return self.rows(
+                g, self.packed.light, place, index * (1.0 / shapes.light_mixtures), reduced, state
+            )
 
         value = repeat(g, shapes.light_mixtures, [0.0] * shapes.channels, add_mixture)
         above = g.math("GREATER_THAN", g.separate(light)[2], 0.0)
@@ -65,7 +68,7 @@ class Evaluation:
             found += index.fetch(tile + len(found) // 4)
         return found[:mixtures]
 
-    def _contract(self, g: Graph, light_cluster: Operand | None) -> list[Wire]:
+    def contract(self, g: Graph, light_cluster: Operand | None) -> list[Wire]:
         """Reduced light vectors for one of a light's clusters, or for all lights."""
         shapes = self.packed.shapes
         across = 0.0 if light_cluster is None else light_cluster
@@ -76,15 +79,17 @@ class Evaluation:
         operands = [across, *self.view_clusters, *coefficients]
         return contract_view(g, self.texel_group, self.packed, self.around, operands)
 
-    def _rows(
+    def rows(
         self,
         g: Graph,
+        atlas: Atlas,
         place: tuple[Wire, Wire],
-        mixture: Operand,
+        across: Operand,
         reduced: Sequence[Wire],
         state: Sequence[Operand],
     ) -> list[Operand]:
-        """The sums of `state` and the products of reduced vectors with rows of the light basis."""
+        """The sums of `state`, one a channel, and the products of reduced vectors with rows of the
+        light basis in an atlas."""
         shapes = self.packed.shapes
         sums = list(state)
         for number, cluster in enumerate(self.view_clusters if shapes.views_apart else [None]):
@@ -92,8 +97,8 @@ class Evaluation:
             # Cycles keeps at most 255 live values, and reads textures as soon as it can: let these
             # wait for the numbers they are multiplied with.
             up = g.math("MULTIPLY_ADD", vector[0], 1e-30, 0.0 if cluster is None else cluster)
-            basis = look_up(g, self.packed.light, place, mixture, up)
-            for channel in range(shapes.channels):
+            basis = look_up(g, atlas, place, across, up)
+            for channel in range(len(sums)):
                 for quad in range(shapes.light_quads):
                     rows = basis.fetch(channel * shapes.light_quads + quad)
                     for row, factor in zip(rows, vector[4 * quad :], strict=False):
