@@ -22,7 +22,7 @@ class Lookup:
     which draw seams where the texture coordinate jumps at a tile's edge.
 
     Columns and rows of tiles are shifted to once each and as scalars: EEVEE keeps the constants of
-    all nodes in 64 kB, and an image node's own mapping would take 64 bytes of that for each texel.
+    all nodes in 64 kB, and an image node's own mapping would take 96 bytes of that for each texel.
     """
 
     def __init__(self, g: Graph, atlas: Atlas, x: Wire, y: Wire) -> None:
@@ -45,6 +45,8 @@ class Lookup:
             interpolation="Closest",
             extension="EXTEND",
         )
+        # Set to what it is: only then EEVEE sees that the node's own mapping does nothing.
+        node.texture_mapping.translation = (0.0, 0.0, 0.0)
         colour = self.g.node("ShaderNodeSeparateColor", self.g.wire(node, "Color"))
         return [*(Wire(self.g, output) for output in colour.outputs), self.g.wire(node, "Alpha")]
 

@@ -93,7 +93,9 @@ def make_texel_group(name: str, packed: PackedTables) -> bpy.types.ShaderNodeTre
     view_clusters, coefficients = inputs[4 : 4 + mixtures], inputs[4 + mixtures :]
     sums: list[Wire | float] = [0.0] * count
     for k in range(mixtures):
-        core = Lookup(g, packed.core, x + light_cluster, y + view_clusters[k])
+        # The place is known before the view's numbers are: it waits for them.
+        across = g.math("MULTIPLY_ADD", coefficients[4 * k * quads], 1e-30, x + light_cluster)
+        core = Lookup(g, packed.core, across, y + view_clusters[k])
         base = rank * k if shapes.views_apart else 0
         for q in range(quads):
             first = 4 * (k * quads + q)
