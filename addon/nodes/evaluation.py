@@ -94,11 +94,9 @@ class Evaluation:
         sums = list(state)
         for number, cluster in enumerate(self.view_clusters if shapes.views_apart else [None]):
             vector = reduced[number * shapes.light_rank : (number + 1) * shapes.light_rank]
-            # Cycles keeps at most 255 live values, and reads textures as soon as it can: let these
-            # wait for the numbers they are multiplied with.
-            up = g.math("MULTIPLY_ADD", vector[0], 1e-30, 0.0 if cluster is None else cluster)
-            basis = look_up(g, atlas, place, across, up)
+            basis = look_up(g, atlas, place, across, 0.0 if cluster is None else cluster)
             for channel in range(len(sums)):
+                basis = basis.after(sums[channel - 1] if channel else vector[0])
                 for quad in range(shapes.light_quads):
                     rows = basis.fetch(channel * shapes.light_quads + quad)
                     for row, factor in zip(rows, vector[4 * quad :], strict=False):

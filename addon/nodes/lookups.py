@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import bpy
+
 from .atlas import Atlas
 from .graph import Graph, Operand, Wire
 
@@ -49,6 +51,22 @@ class Lookup:
         node.texture_mapping.translation = (0.0, 0.0, 0.0)
         colour = self.g.node("ShaderNodeSeparateColor", self.g.wire(node, "Color"))
         return [*(Wire(self.g, output) for output in colour.outputs), self.g.wire(node, "Alpha")]
+
+    @property
+    def x(self) -> Wire:
+        """The texture coordinate across, in the block's first tile."""
+        return self.columns[0]
+
+    def after(self, value: Operand) -> Lookup:
+        """The same place, read once a value is known.
+
+        Cycles keeps at most 255 live values. Before 5.0 it converts places only when nothing else
+        is left to do, so that it would hold those of all texels that wait for nothing.
+        """
+        if bpy.app.version >= (5, 0) or not isinstance(value, Wire):
+            return self
+        x = self.g.math("MULTIPLY_ADD", value, 1e-30, self.columns[0])
+        return Lookup(self.g, self.atlas, x, self.rows[0])
 
     def _shifted(self, known: dict[int, Wire], number: int, step: float) -> Wire:
         if number not in known:

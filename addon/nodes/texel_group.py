@@ -52,9 +52,10 @@ def contract_view(
     across, up = across / packed.shapes.width, up / packed.shapes.height
     total: list[Wire] = []
     for tap in around:
-        place = (tap.x + 0.5) * across, (tap.y + 0.5) * up
+        x, y = (tap.x + 0.5) * across, (tap.y + 0.5) * up
+        place = Lookup(g, packed.core, x, y).after(total[-1] if total else 0.0)
         node = g.node("ShaderNodeGroup", node_tree=group)
-        for operand, socket in zip([*place, tap.weight, *operands], node.inputs, strict=True):
+        for operand, socket in zip([place.x, y, tap.weight, *operands], node.inputs, strict=True):
             g.connect(operand, socket)
         outputs = [Wire(g, output) for output in node.outputs]
         total = [a + b for a, b in zip(total, outputs, strict=True)] if total else outputs
@@ -92,17 +93,19 @@ def make_texel_group(name: str, packed: PackedTables) -> bpy.types.ShaderNodeTre
     x, y, weight, light_cluster = inputs[:4]
     view_clusters, coefficients = inputs[4 : 4 + mixtures], inputs[4 + mixtures :]
     sums: list[Wire | float] = [0.0] * count
+    last: Wire | None = None
     for k in range(mixtures):
-        # The place is known before the view's numbers are: it waits for them.
-        across = g.math("MULTIPLY_ADD", coefficients[4 * k * quads], 1e-30, x + light_cluster)
-        core = Lookup(g, packed.core, across, y + view_clusters[k])
+        core = Lookup(g, packed.core, x + light_cluster, y + view_clusters[k])
         base = rank * k if shapes.views_apart else 0
         for q in range(quads):
             first = 4 * (k * quads + q)
             weighted = [c * weight for c in coefficients[first : first + 4]]
             for r in range(rank):
-                values = core.fetch(r * quads + q)
+                if r % 8 == 0:
+                    here = core.after(last if last is not None else weighted[0])
+                values = here.fetch(r * quads + q)
                 for value, factor in zip(values, weighted, strict=True):
-                    sums[base + r] = g.math("MULTIPLY_ADD", value, factor, sums[base + r])
+                    last = g.math("MULTIPLY_ADD", value, factor, sums[base + r])
+                    sums[base + r] = last
     g.node("NodeGroupOutput", *sums)
     return tree
