@@ -16,7 +16,7 @@ def evaluate_patch(
 ) -> NDArray[np.float32]:
     """Values (light, view, Y, X, channel) of a BTF at texel centres for unit directions, clamped
     at 0."""
-    rows = _light_rows(tables, light)
+    rows = light_rows(tables, light)
     values = [
         np.tensordot(rows, _contract_view(tables, direction), ((2, 3, 4), (0, 1, 2)))
         for direction in np.asarray(view)
@@ -59,7 +59,7 @@ def _points(
     coefficients = tables.view[:, :, :, view_texel[1], view_texel[0]]
     rows = _flat(_lights(tables)[..., light_texel[1], light_texel[0], :], tables)  # (o,c,K_l,n,R)
     points = np.arange(len(uv))
-    taps = _taps(np.asarray(uv), tables.core.shape[4:6])
+    taps = taps(np.asarray(uv), tables.core.shape[4:6])
     values = np.zeros((len(uv), tables.channels), np.float32)
     for k_l, clusters_l in enumerate(light_clusters):
         own = clusters_l if len(tables.view) > 1 else 0
@@ -79,7 +79,7 @@ def _points(
     return values * (np.asarray(light)[:, 2:] > 0.0)
 
 
-def _taps(
+def taps(
     uv: NDArray[np.floating], size: tuple[int, ...]
 ) -> list[tuple[NDArray[np.floating], NDArray[np.intp], NDArray[np.intp]]]:
     """The four texels round points (n, 2): weight, y and x."""
@@ -110,7 +110,7 @@ def _flat(rows: NDArray[np.float32], tables: Tables) -> NDArray[np.float32]:
     return rows.reshape(*rows.shape[:-2], -1)[..., : tables.core.shape[2]]
 
 
-def _light_rows(tables: Tables, light: NDArray[np.floating]) -> NDArray[np.float32]:
+def light_rows(tables: Tables, light: NDArray[np.floating]) -> NDArray[np.float32]:
     """Light basis rows with those of all clusters, zero where a light has none of it: (n, channel,
     C_light, C_view or 1, R_light); zero for lights below the horizon."""
     light = np.asarray(light)
