@@ -1,15 +1,17 @@
 """Pictures of an object: in Cycles with the real geometry, and on the smooth mesh on the CPU.
 
 Both share the camera, the lights and the UV map. On the CPU a picture begins with a *view* of the
-smooth mesh: UV coordinates, taken from Cycles' own UV pass, and the frames that go with them. A value
-is that of the dataset, or of a model's tables, at the coordinates, times the lights; the object's
-shadows on itself and light from one part of it to another are left out, as in the viewport.
+smooth mesh: UV coordinates, taken from Cycles' own UV pass, and the frames that go with them. A
+value is that of the dataset, or of a model's tables, at the coordinates, times the lights; the
+object's shadows on itself and light from one part of it to another are left out, as in the
+viewport.
 """
 
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,13 +21,14 @@ from numpy.typing import NDArray
 
 from addon.datasets.dataset import Dataset
 from addon.measure.cycles import render, set_up_cycles
-from addon.models.interpolation import horizon_fade, thin_plate_weights
+from addon.models.clustered_tucker import ClusteredTucker
+from addon.models.interpolation import horizon_fade, raise_to_lowest, thin_plate_weights
 from addon.render.stage import add_camera, add_mesh, new_scene, unit
 from addon.tables.evaluate import light_rows, taps
-from addon.tables.parabolic import texel_directions, texel_of
+from addon.tables.parabolic import texel_of
 from addon.tables.tables import Tables
 
-from ._lights import Lights, light_scene
+from ._lights import Lights
 from ._real_geometry import Object, add_real_geometry
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -69,30 +72,35 @@ def build(scene: str) -> bpy.types.ID:
     return item
 
 
-def in_cycles(
-    item: bpy.types.ID,
-    dataset: Dataset,
-    shot: Shot,
-    lights: list[str],
-    samples: int,
-    keep: Callable,
-) -> None:
-    """Pictures (y, x, 4), linear, of the real geometry; keep(lights, picture) takes each."""
+@contextmanager
+def real_scene(
+    item: bpy.types.ID, dataset: Dataset, shot: Shot, samples: int
+) -> Iterator[bpy.types.Scene]:
+    """The real geometry before the camera, for Cycles as the dataset was measured; no light."""
     shape = Object.of(shot.object, shot.across, dataset.patch_size)
     with new_scene((shot.size, shot.size)) as scene:
         set_up_cycles(scene, samples, dataset.source["measurement"]["bounces"])
         add_real_geometry(scene, item, shape, unit(shot.camera))
         place_camera(scene, shot, shape.unit)
-        for name in lights:
-            for light in [one for one in scene.objects if one.type == "LIGHT"]:
-                bpy.data.objects.remove(light)
-            scene.world = None
-            light_scene(scene, name)
-            keep(name, render(scene, 7)["Combined"])
+        yield scene
+
+
+def remove_lights(scene: bpy.types.Scene) -> None:
+    """What addon.render.stage and _lights put into a scene."""
+    for light in [one for one in scene.objects if one.type == "LIGHT"]:
+        bpy.data.objects.remove(light)
+    scene.world = None
+
+
+def take(scene: bpy.types.Scene) -> Pixels:
+    """A picture (y, x, 4) of a scene, linear, with other seeds than a dataset's."""
+    return render(scene, 2**20)["Combined"]
 
 
 def place_camera(scene: bpy.types.Scene, shot: Shot, scale: float) -> None:
     """For an object `scale` times as large as those of the stage."""
+    if scene.camera:
+        bpy.data.objects.remove(scene.camera)
     camera = add_camera(scene, shot.camera, SPAN * scale)
     camera.matrix_world.translation *= scale
     camera.data.clip_start, camera.data.clip_end = 0.1 * scale, 100.0 * scale
@@ -107,7 +115,7 @@ class View:
     whole   (n, 2), 1 along the object
     frames  (n, 3, 3) tangent, bitangent and normal
     view    (n, 3) the direction to the camera in the frames
-    size    pixels along the picture's side
+    size    pixels along the picture's side, and subpixels along a pixel's
     """
 
     shape: Object
@@ -116,13 +124,13 @@ class View:
     whole: NDArray[np.float64]
     frames: NDArray[np.float64]
     view: NDArray[np.float64]
-    size: int
+    size: tuple[int, int]
 
     def picture(self, values: NDArray) -> Pixels:
         """Values (n, channels) as a picture (y, x, channels), black where there is no object."""
-        fine = np.zeros(((self.size * SUBPIXELS) ** 2, values.shape[1]), np.float32)
+        fine = np.zeros((np.prod(self.size) ** 2, values.shape[1]), np.float32)
         fine[self.places] = values
-        return fine.reshape(self.size, SUBPIXELS, self.size, SUBPIXELS, -1).mean((1, 3))
+        return fine.reshape(*self.size, *self.size, -1).mean((1, 3))
 
     @property
     def mask(self) -> NDArray[np.bool_]:
@@ -130,10 +138,10 @@ class View:
         return self.picture(np.ones((len(self.uv), 1)))[..., 0] == 1.0
 
 
-def look_at(dataset: Dataset, shot: Shot) -> View:
+def look_at(dataset: Dataset, shot: Shot, subpixels: int = SUBPIXELS) -> View:
     """What a camera sees of the smooth mesh."""
     shape = Object.of(shot.object, shot.across, dataset.patch_size)
-    side = shot.size * SUBPIXELS
+    side = shot.size * subpixels
     with new_scene((side, side)) as scene:
         set_up_cycles(scene, 1, 0)
         scene.cycles.filter_width = 0.01  # the middle of each subpixel
@@ -148,7 +156,7 @@ def look_at(dataset: Dataset, shot: Shot) -> View:
     whole = uv / shape.repeat
     frames = shape.frame(*whole.T)
     view = frames @ unit(shot.camera)
-    return View(shape, np.flatnonzero(covered), uv, whole, frames, view, shot.size)
+    return View(shape, np.flatnonzero(covered), uv, whole, frames, view, (shot.size, subpixels))
 
 
 def of_dataset(dataset: Dataset, view: View, lights: list[Lights]) -> list[Pixels]:
@@ -182,35 +190,80 @@ def of_dataset(dataset: Dataset, view: View, lights: list[Lights]) -> list[Pixel
     return [view.picture(np.maximum(found, 0.0)) for found in values]
 
 
-def of_tables(tables: Tables, view: View, lights: list[Lights]) -> list[Pixels]:
+def of_tables(
+    tables: Tables, view: View, lights: list[Lights], rows: ViewRows | None = None
+) -> list[Pixels]:
     """Pictures of a model by its tables, which every evaluator reads, under each of `lights`.
 
     The sum over the lights comes before the core, whose values are then read once: the same as
-    addon.tables.evaluate.evaluate_points for one light after the other.
+    addon.tables.evaluate.evaluate_points for one light after the other. `rows` are read from the
+    tables' maps where they are not given.
     """
     lit = [_over_frames(view, one, lambda light: light_rows(tables, light)) for one in lights]
     values = [np.zeros((len(view.uv), tables.channels), np.float32) for _ in lights]
+    of_view = rows or mapped_rows(tables, view)
     for first in range(0, len(view.uv), CHUNK):
         part = slice(first, first + CHUNK)
-        rows = [of_points(part) for of_points in lit]  # (n, channel, C_light, owners, R_light)
-        column, row = texel_of(view.view[part], tables.size).T
-        coefficients = tables.view[:, :, :, row, column]
-        points = np.arange(len(column))
-        for k, clusters in enumerate(tables.view_index[:, row, column]):
-            own = clusters if rows[0].shape[3] > 1 else 0
+        of_lights = [points(part) for points in lit]  # (n, channel, C_light, owners, R_light)
+        corners = taps(view.uv[part], tables.core.shape[4:6])
+        for k, clusters in enumerate(of_view.clusters[:, part]):
+            own = clusters if of_lights[0].shape[3] > 1 else 0
             for c_light in range(len(tables.core)):
-                of_cluster = coefficients[min(c_light, len(coefficients) - 1), k]
+                owner = min(c_light, len(of_view.coefficients) - 1)
+                coefficients = of_view.coefficients[owner, k, :, part]
                 reduced = sum(
                     weight[:, None].astype(np.float32)
                     * np.einsum(
-                        "nrqe,qne->nr", tables.core[c_light, clusters, :, :, y, x], of_cluster
+                        "nrqe,qne->nr", tables.core[c_light, clusters, :, :, y, x], coefficients
                     )
-                    for weight, y, x in taps(view.uv[part], tables.core.shape[4:6])
+                    for weight, y, x in corners
                 )
-                for found, light in zip(values, rows, strict=True):
-                    of_light = light[points, :, c_light, own]
+                for found, light in zip(values, of_lights, strict=True):
+                    of_light = light[np.arange(len(clusters)), :, c_light, own]
                     found[part] += np.einsum("ncr,nr->nc", of_light, reduced)
     return [view.picture(np.maximum(found, 0.0)) for found in values]
+
+
+@dataclass(frozen=True)
+class ViewRows:
+    """The clusters (K, n) of n points' views and their coefficients (owners, K, quads, n, 4)."""
+
+    clusters: NDArray[np.uint32]
+    coefficients: NDArray[np.float32]
+
+
+def mapped_rows(tables: Tables, view: View) -> ViewRows:
+    """As the evaluators read them, from the texel nearest to the view."""
+    column, row = texel_of(view.view, tables.size).T
+    return ViewRows(tables.view_index[:, row, column], tables.view[:, :, :, row, column])
+
+
+def three_views(model: ClusteredTucker, view: View) -> ViewRows:
+    """Linear between three measured views, as the K-CTA paper draws CTA (Section 6.4): of a view's
+    triangle in the Delaunay triangulation of the measured ones, where that has one, which is
+    continuous as sets of three nearest are not."""
+    from scipy.spatial import Delaunay
+
+    measured = np.asarray(model.dataset["view"])
+    places, wanted = (
+        d[:, :2] / (1.0 + d[:, 2:]) for d in (measured, raise_to_lowest(measured, view.view))
+    )
+    found = Delaunay(places)
+    triangle = found.find_simplex(wanted)
+    # Between the lowest ring's chords and its circle: the nearest triangle's, by clipping.
+    outside = np.flatnonzero(triangle < 0)
+    triangle[outside] = found.find_simplex(0.985 * wanted[outside])
+    matrix = found.transform[triangle]
+    two = np.einsum("nij,nj->ni", matrix[:, :2], wanted - matrix[:, 2])
+    weights = np.clip(np.column_stack([two, 1.0 - two.sum(1)]), 0.0, None)
+    weights /= weights.sum(1, keepdims=True)
+    corners = found.simplices[triangle]  # (n, 3)
+    rows = model.bases["view"][0, corners, 0] * weights[..., None]  # (n, 3, R)
+    rows = np.pad(rows, ((0, 0), (0, 0), (0, -rows.shape[-1] % 4)))
+    coefficients = rows.reshape(*rows.shape[:2], -1, 4).transpose(1, 2, 0, 3)[None]
+    return ViewRows(
+        model.members["view"][corners, 0].T.astype(np.uint32), coefficients.astype(np.float32)
+    )
 
 
 def _over_frames(view: View, lights: Lights, rows: Callable) -> Callable[[slice], NDArray]:

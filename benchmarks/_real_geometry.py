@@ -66,7 +66,7 @@ class Object:
         return np.stack([tangent, np.cross(normal, tangent), normal], 1)
 
     def bend(self, points: Points, column: int, row: int) -> Points:
-        """Points (n, 3) in metres from a patch's centre, as its copy in `column` and `row` has them."""
+        """Points (n, 3) in metres from a patch's centre as its copy in `column`, `row` has them."""
         u, v = (
             (number + 0.5 + points[:, axis] / self.size[axis]) / self.repeat[axis]
             for axis, number in enumerate((column, row))

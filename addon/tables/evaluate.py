@@ -59,7 +59,7 @@ def _points(
     coefficients = tables.view[:, :, :, view_texel[1], view_texel[0]]
     rows = _flat(_lights(tables)[..., light_texel[1], light_texel[0], :], tables)  # (o,c,K_l,n,R)
     points = np.arange(len(uv))
-    taps = taps(np.asarray(uv), tables.core.shape[4:6])
+    corners = taps(np.asarray(uv), tables.core.shape[4:6])
     values = np.zeros((len(uv), tables.channels), np.float32)
     for k_l, clusters_l in enumerate(light_clusters):
         own = clusters_l if len(tables.view) > 1 else 0
@@ -70,7 +70,7 @@ def _points(
                 * np.einsum(
                     "nrqe,nqe->nr", tables.core[clusters_l, clusters_v, :, :, y, x], weights
                 )
-                for weight, y, x in taps
+                for weight, y, x in corners
             )
             other = clusters_v if len(rows) > 1 else 0
             values += np.einsum(
