@@ -249,10 +249,8 @@ def three_views(model: ClusteredTucker, view: View) -> ViewRows:
         d[:, :2] / (1.0 + d[:, 2:]) for d in (measured, raise_to_lowest(measured, view.view))
     )
     found = Delaunay(places)
-    triangle = found.find_simplex(wanted)
-    # Between the lowest ring's chords and its circle: the nearest triangle's, by clipping.
-    outside = np.flatnonzero(triangle < 0)
-    triangle[outside] = found.find_simplex(0.985 * wanted[outside])
+    wanted = _into_hull(places[found.convex_hull], wanted, found.find_simplex(wanted) < 0)
+    triangle = found.find_simplex(wanted, tol=1e-6)
     matrix = found.transform[triangle]
     two = np.einsum("nij,nj->ni", matrix[:, :2], wanted - matrix[:, 2])
     weights = np.clip(np.column_stack([two, 1.0 - two.sum(1)]), 0.0, None)
@@ -264,6 +262,18 @@ def three_views(model: ClusteredTucker, view: View) -> ViewRows:
     return ViewRows(
         model.members["view"][corners, 0].T.astype(np.uint32), coefficients.astype(np.float32)
     )
+
+
+def _into_hull(edges: NDArray, points: NDArray, outside: NDArray[np.bool_]) -> NDArray:
+    """Points (n, 2), those outside moved to the nearest one on the edges (m, 2, 2) of a hull."""
+    moved = points.copy()
+    start, along = edges[:, 0], edges[:, 1] - edges[:, 0]
+    away = points[outside][:, None] - start
+    share = np.clip(np.sum(away * along, -1) / np.sum(along**2, -1), 0.0, 1.0)
+    nearest = start + share[..., None] * along  # (n, m, 2)
+    edge = np.linalg.norm(points[outside][:, None] - nearest, axis=-1).argmin(1)
+    moved[outside] = nearest[np.arange(len(edge)), edge]
+    return moved
 
 
 def _over_frames(view: View, lights: Lights, rows: Callable) -> Callable[[slice], NDArray]:

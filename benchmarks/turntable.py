@@ -74,9 +74,9 @@ def main() -> None:
         found = {}
         for name, frames in drawn(scene, dataset, views, own).items():
             error = srgb_frames(frames, mask) - truth
-            found[name] = changes(error, mask, whole, views)
+            found[name] = changes(error, mask, whole, views, shots())
             rows.append([name, *(f"{value:.4f}" for value in found[name])])
-        still = changes(truth, mask, whole, views)
+        still = changes(truth, mask, whole, views, shots())
         rows.append(["(Cycles' own change)", *(f"{value:.4f}" for value in still)])
         print(f"\n{SCENES[scene][0]}")
         print(table(rows), flush=True)
@@ -138,7 +138,7 @@ def srgb_frames(frames: NDArray, mask: NDArray) -> Pixels:
 
 
 def changes(
-    values: Pixels, mask: NDArray[np.bool_], whole: Pixels, views: list[View]
+    values: Pixels, mask: NDArray[np.bool_], whole: Pixels, views: list[View], taken: list[Shot]
 ) -> tuple[float, float, float]:
     """RMS of the change from frame to frame: of pixels covered in both, and of the surface's
     points; and the mean of the largest thousandth of the surface's."""
@@ -147,7 +147,7 @@ def changes(
     followed, seen = zip(
         *(
             follow(picture, place, view, shot)
-            for picture, place, view, shot in zip(values, whole, views, shots(), strict=True)
+            for picture, place, view, shot in zip(values, whole, views, taken, strict=True)
         ),
         strict=True,
     )
