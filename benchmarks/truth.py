@@ -1,6 +1,6 @@
 """Objects of measured materials against Cycles on the real geometry.
 
-    python -m benchmarks.truth [FOLDER] [--only SCENES] [--quality QUALITY]
+    python -m benchmarks.truth [FOLDER] [--only SCENES] [--quality QUALITY] [--engines]
 
 The scenes of samples/, bent on to a sphere and a cloth, under a sun, four suns and one of Blender's
 studio worlds. FOLDER is that of benchmarks.off_grid and holds their measurements, which are made
@@ -23,10 +23,13 @@ from addon.datasets.dataset import Dataset
 from addon.models.clustered_tucker import ClusteredTucker
 from addon.models.exr import load_model, save_model
 from addon.models.fit import METHODS, QUALITIES, compress, quality_settings
-from addon.tables.tables import build_tables
+from addon.nodes.material import material_from_tables
+from addon.render.engines import render_pixels
+from addon.render.pictures import object_scene
+from addon.tables.tables import Tables, build_tables
 
 from ._data import OUT
-from ._lights import LIGHTS, light_scene, lights
+from ._lights import LIGHTS, SUNS, light_scene, lights
 from ._object_pictures import (
     Pixels,
     Shot,
@@ -51,6 +54,8 @@ DEFAULT = "kcta", "MEDIUM"
 TITLES = {"dataset": "dataset", "nsvd": "N-SVD", "cta": "CTA", "kcta": "K-CTA", "mkcta": "MK-CTA"}
 ALLOWED = 0.02
 TILE = 112
+ENGINES = "eevee", "cycles"
+ENGINE_METHODS = "kcta", "mkcta"
 
 
 def main() -> None:
@@ -58,6 +63,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path, nargs="?", default=OUT / "off_grid")
     parser.add_argument("--only", nargs="+", choices=SCENES, default=list(SCENES))
     parser.add_argument("--quality", choices=QUALITIES, default=DEFAULT[1])
+    parser.add_argument("--engines", action="store_true", help="compare the nodes, too")
     options = parser.parse_args()
     own = options.folder / "truth"
     own.mkdir(parents=True, exist_ok=True)
@@ -70,6 +76,10 @@ def main() -> None:
             f"{SCENES[scene][0]}: {dataset.raw_bytes / 1e6:.0f} MB of samples; {sizes}", flush=True
         )
         models = {method: load_model(file) for method, file in files.items()}
+        for method in ENGINE_METHODS if options.engines else ():
+            far = in_engines(build_tables(models[method]), dataset)
+            text = ", ".join(f"{engine} {value:.2%}" for engine, value in far.items())
+            print(f"  {TITLES[method]} by nodes, from the tables on the CPU: {text}", flush=True)
         for kind in ACROSS:
             shot = Shot(kind, ACROSS[kind], SIZE, CAMERA)
             truth = rendered(scene, dataset, shot, own)
@@ -128,6 +138,24 @@ def on_smooth_mesh(
         name: {of: pictures[number] for of, pictures in found.items()}
         for number, name in enumerate(LIGHTS)
     }
+
+
+def in_engines(tables: Tables, dataset: Dataset) -> dict[str, float]:
+    """How far a cloth under the sun in EEVEE and in Cycles, by nodes, is from the tables on the
+    CPU, at the middle of each pixel: mean absolute difference relative to the mean."""
+    shot = Shot("cloth", 4, SIZE // 2, CAMERA)
+    view = look_at(dataset, shot, 1)
+    (expected,) = of_tables(tables, view, [lights("sun")])
+    material = material_from_tables(tables, "Truth")
+    found = {}
+    for engine in ENGINES:
+        (angles, _), size = SUNS["sun"][0], (shot.size, shot.size)
+        with object_scene(material, shot.object, size, engine, angles, CAMERA, 1) as scene:
+            scene.render.filter_size = 0.0
+            scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
+            error = np.abs(render_pixels(scene) - expected)
+        found[engine] = float(error[view.mask].mean() / expected[view.mask].mean())
+    return found
 
 
 def compared(
