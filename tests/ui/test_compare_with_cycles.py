@@ -1,10 +1,18 @@
 """The user's scene in EEVEE and in Cycles, beside each other."""
 
+import sys
+from pathlib import Path
+
 import bpy
 import numpy as np
 import pytest
 
-from addon.render.comparison import IMAGES, WIPE, differences, draw_wipe
+from addon.errors import Cancelled, NacreError
+from addon.operators import compare_with_cycles
+from addon.render.comparison import IMAGES, WIPE, differences, draw_wipe, scene_pixels
+from addon.second_blender import save_copy
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture
@@ -131,6 +139,26 @@ def test_without_a_camera(lit):
     lit.camera = None
     with pytest.raises(RuntimeError, match="Add a camera: what it sees is compared"):
         bpy.ops.nacre.compare_with_cycles()
+
+
+def test_another_blender_renders_a_copy(lit, tmp_path, monkeypatch):
+    """As from the window; `python -m addon` stands for `blender --command nacre`."""
+    monkeypatch.setattr(
+        compare_with_cycles, "nacre_command", lambda *rest: [sys.executable, "-m", "addon", *rest]
+    )
+    monkeypatch.chdir(ROOT)
+    file = save_copy(str(tmp_path))
+    said = []
+    found = compare_with_cycles._render_there(
+        file, "cycles", lambda *given: said.append(given) or True
+    )
+    assert np.array_equal(found, scene_pixels(lit, "cycles"))
+    assert said[0] == (0.5, "Rendering with Cycles")
+    with pytest.raises(Cancelled):
+        compare_with_cycles._render_there(file, "eevee", lambda *given: False)
+    lit.camera = None
+    with pytest.raises(NacreError, match="the scene has no camera: add one"):
+        compare_with_cycles._render_there(save_copy(str(tmp_path)), "cycles", lambda *given: True)
 
 
 def test_a_wipe_before_any_picture(scene):
