@@ -3,6 +3,7 @@
 import bpy
 from bpy.props import EnumProperty, FloatProperty, PointerProperty, StringProperty
 
+from .comparison_properties import NACRE_PG_comparison
 from .errors import NacreError
 from .facts import dataset_facts, expected_model, model_facts
 from .measurement_properties import NACRE_PG_measurement
@@ -45,6 +46,11 @@ class NACRE_PG_scene(bpy.types.PropertyGroup):
         name="Measurement",
         description="What is measured with Cycles, and how",
         type=NACRE_PG_measurement,
+    )
+    comparison: PointerProperty(
+        name="Comparison",
+        description="The scene in EEVEE beside Cycles",
+        type=NACRE_PG_comparison,
     )
     dataset: StringProperty(
         name="Dataset",
@@ -156,4 +162,4 @@ class NACRE_PG_material(bpy.types.PropertyGroup):
     )
 
 
-CLASSES = (NACRE_PG_measurement, NACRE_PG_scene, NACRE_PG_material)
+CLASSES = (NACRE_PG_measurement, NACRE_PG_comparison, NACRE_PG_scene, NACRE_PG_material)

@@ -1,6 +1,15 @@
 """One file for each thing a user does."""
 
-from . import cancel, compress, create_material, export_btf, import_btf, measure, update_material
+from . import (
+    cancel,
+    compare_with_cycles,
+    compress,
+    create_material,
+    export_btf,
+    import_btf,
+    measure,
+    update_material,
+)
 
 CLASSES = (
     import_btf.NACRE_OT_import_btf,
@@ -10,6 +19,7 @@ CLASSES = (
     compress.NACRE_OT_compress,
     create_material.NACRE_OT_create_material,
     update_material.NACRE_OT_update_material,
+    compare_with_cycles.NACRE_OT_compare_with_cycles,
     cancel.NACRE_OT_cancel,
 )
 draw_import_menu = import_btf.draw_import_menu

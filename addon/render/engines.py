@@ -29,18 +29,24 @@ def check_picture(path: str | Path, engine: str) -> None:
 
 def set_engine(scene: bpy.types.Scene, engine: str, samples: int) -> None:
     """Select EEVEE or Cycles with a number of samples a pixel and nothing that alters values."""
+    scene.render.engine = engine_id(engine)
     if engine == "eevee":
-        scene.render.engine = "BLENDER_EEVEE" if bpy.app.version >= (5, 0) else "BLENDER_EEVEE_NEXT"
         scene.eevee.taa_render_samples = samples
     elif engine == "cycles":
-        scene.render.engine = "CYCLES"
         scene.cycles.samples = samples
         scene.cycles.use_adaptive_sampling = False
         scene.cycles.use_denoising = False
         if hasattr(scene.render, "use_texture_cache"):
             scene.render.use_texture_cache = False
-    else:
+
+
+def engine_id(engine: str) -> str:
+    """Blender's name of an engine."""
+    if engine not in ENGINES:
         raise ValueError(f"engine: expected one of {ENGINES}, got {engine!r}")
+    if engine == "cycles":
+        return "CYCLES"
+    return "BLENDER_EEVEE" if bpy.app.version >= (5, 0) else "BLENDER_EEVEE_NEXT"
 
 
 def render_to(scene: bpy.types.Scene, path: str | Path) -> None:

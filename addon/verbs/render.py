@@ -1,4 +1,4 @@
-"""Render a picture of a model."""
+"""Render a picture of a model, or of a scene."""
 
 import argparse
 import time
@@ -10,7 +10,11 @@ from .blender import build_material, need_blender
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("model", type=Path)
+    parser.add_argument(
+        "model",
+        type=Path,
+        help="or a .blend file, whose scene is rendered as it is, before its compositor",
+    )
     parser.add_argument("out", type=Path, help=".png in Blender's Standard view, or linear .exr")
     parser.add_argument("--engine", default="eevee", help="eevee or cycles")
     parser.add_argument("--light", type=angles, default=(45.0, 45.0), metavar="T,P")
@@ -29,6 +33,8 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..render.pictures import flat_scene, object_scene
 
     check_picture(options.out, options.engine)
+    if options.model.suffix == ".blend":
+        return _render_scene(options)
     model = load_model(options.model)
     started = time.monotonic()
     material = build_material(model, options.model.stem, progress)
@@ -48,5 +54,18 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
             options.samples,
         ) as scene:
             render_to(scene, options.out)
+    seconds = round(time.monotonic() - started, 3)
+    return {"file": str(options.out), "engine": options.engine, "seconds": seconds}
+
+
+def _render_scene(options: argparse.Namespace) -> dict[str, Any]:
+    import bpy
+
+    from ..measure.scene_file import open_scene
+    from ..render.comparison import render_scene
+
+    started = time.monotonic()
+    open_scene(options.model)
+    render_scene(bpy.context.scene, options.engine, options.out)
     seconds = round(time.monotonic() - started, 3)
     return {"file": str(options.out), "engine": options.engine, "seconds": seconds}
