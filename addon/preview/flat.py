@@ -87,7 +87,8 @@ class FlatEvaluator:
         for name, texture in self.uploaded.textures.items():
             shader.uniform_sampler(f"BTF_{name}", texture)
         shader.uniform_float("BTF_scale", self.uploaded.scale)
-        shader.uniform_float("nacre_light", tuple(map(float, light)))
+        if self.tables.light is not None:
+            shader.uniform_float("nacre_light", tuple(map(float, light)))
         shader.uniform_float("nacre_view", tuple(map(float, view)))
         shader.uniform_float("nacre_place", place)
         self.triangle.draw(shader)
