@@ -1,1 +1,1 @@
-"""Nacre's own render engine: tables drawn from texture arrays with GLSL, for the viewport and F12."""
+"""Nacre's render engine: tables drawn from texture arrays with GLSL, for the viewport and F12."""

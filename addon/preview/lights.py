@@ -78,9 +78,7 @@ def lights_of(data: bpy.types.Light, matrix: Matrix) -> list[Light]:
     ]
 
 
-def light_rows(
-    lights: list[Light], layers: list[int], texels: list[float]
-) -> np.ndarray:
+def light_rows(lights: list[Light], layers: list[int], texels: list[float]) -> np.ndarray:
     """Rows (LIGHTS, 4, 4) of the uniform buffer: position and kind, axis and first shadow layer (-1
     for none), radiance, cone and the width of a shadow texel (of a sun in metres, else at 1 m)."""
     rows = np.zeros((LIGHTS, 4, 4), np.float32)

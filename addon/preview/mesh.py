@@ -41,7 +41,7 @@ def mesh_batches(item: bpy.types.Object) -> MeshBatches | None:
 def corner_arrays(mesh: bpy.types.Mesh) -> dict[str, np.ndarray]:
     """position (n, 3), normal (n, 3), tangent (n, 4) and uv (n, 2) of a mesh's corners; tangents
     and UVs are zero where there is no UV map. Faces of more than four corners are cut first."""
-    layer = next((l for l in mesh.uv_layers if l.active_render), mesh.uv_layers.active)
+    layer = next((uvs for uvs in mesh.uv_layers if uvs.active_render), mesh.uv_layers.active)
     name = layer.name if layer is not None else None
     if name is not None:
         totals = np.empty(len(mesh.polygons), np.int32)

@@ -56,7 +56,9 @@ def samplers(numbers: Constants) -> tuple[str, ...]:
     names = ["core", "view"]
     if "LIGHT" in numbers:
         names.append("light")
-    names += [f"{mode}_index" for mode in ("light", "view") if int(numbers[f"C_{mode.upper()}"]) > 1]
+    names += [
+        f"{mode}_index" for mode in ("light", "view") if int(numbers[f"C_{mode.upper()}"]) > 1
+    ]
     return tuple(names)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import tan
+from math import atan, tan
 
 import gpu
 import numpy as np
@@ -78,8 +78,9 @@ def light_views(light: Light, bounds: np.ndarray) -> list[Matrix]:
         return [Matrix.Diagonal((1 / radius, 1 / radius, -1 / radius, 1.0)) @ world]
     far = max((middle - light.position).length + radius, 1e-3)
     if light.kind == POINT:
-        axes = [Vector(v) for v in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))]
-        return [_perspective(light.position, -axis, np.pi / 2, far) for axis in axes]
+        angle = 2 * atan(1 + 4 / SIZE)  # two texels beyond the edge, where faces are mixed
+        axes = [Vector(sign * row) for row in np.eye(3) for sign in (1.0, -1.0)]
+        return [_perspective(light.position, -axis, angle, far) for axis in axes]
     return [_perspective(light.position, light.axis, light.spread, far)]
 
 

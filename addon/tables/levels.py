@@ -1,8 +1,8 @@
 """Levels of the core for the distance: a texture array whose layers hold every size at once.
 
-GPU textures made by Blender's Python take no mip levels, so each layer has the whole core quad and its
-halved copies side by side (Williams 1983). A border of one texel repeats the other side of the patch,
-so that bilinear filtering inside a region never reads its neighbour.
+GPU textures made by Blender's Python take no mip levels, so each layer has the whole core quad and
+its halved copies side by side (Williams 1983). A border of one texel repeats the other side of the
+patch, so that bilinear filtering inside a region never reads its neighbour.
 """
 
 from __future__ import annotations
