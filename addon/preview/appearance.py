@@ -5,11 +5,14 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import bpy
 
 from ..errors import NacreError
-from ..tables.tables import Tables
+
+if TYPE_CHECKING:  # models need the compiled packages, and the engine registers without
+    from ..tables.tables import Tables
 
 KEPT = 8
 """Models whose tables are kept for another picture."""

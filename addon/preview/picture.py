@@ -77,9 +77,8 @@ def camera_view(
 
 
 def sample_places(count: int) -> list[tuple[float, float]]:
-    """Places in a pixel, from its middle, spread evenly (Roberts' R2 sequence, 2018); one sample
-    lies in the middle."""
+    """Places in a pixel, from its middle, their mean (Roberts, R2 sequence, 2018)."""
     golden = 1.324717957244746
-    return [
-        ((0.5 + n / golden) % 1.0 - 0.5, (0.5 + n / golden**2) % 1.0 - 0.5) for n in range(count)
-    ]
+    numbers = np.arange(count)[:, None] / np.array([golden, golden**2])
+    places = (0.5 + numbers) % 1.0
+    return [(float(x), float(y)) for x, y in places - places.mean(0)]

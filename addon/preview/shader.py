@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
+from typing import TYPE_CHECKING
 
 import gpu
 
 from ..shader_files import shader_text
 from ..tables.levels import regions
-from ..tables.tables import Tables
 from .textures import can_filter, core_tiles
+
+if TYPE_CHECKING:  # models need the compiled packages, and the engine registers without
+    from ..tables.tables import Tables
 
 Constants = Mapping[str, str]
 """What evaluate.glsl is compiled with; equal for tables that differ only in their numbers."""

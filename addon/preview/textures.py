@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import gpu
 import numpy as np
@@ -10,7 +11,9 @@ from numpy.typing import NDArray
 
 from ..errors import NacreError
 from ..tables.levels import layers_of_levels
-from ..tables.tables import Tables
+
+if TYPE_CHECKING:  # models need the compiled packages, and the engine registers without
+    from ..tables.tables import Tables
 
 LARGEST = 16384
 """Texels along a texture that every driver takes."""
