@@ -13,7 +13,7 @@ from mathutils import Matrix, Vector
 from .appearance import Appearance
 from .lights import LIGHTS, light_rows, scene_lights
 from .mesh import MeshBatches, mesh_batches
-from .shader import constants
+from .shader import constants, let_go
 from .shadow_maps import SIZE, draw_shadow_maps
 from .surface_shader import depth_shader, surface_shader
 from .textures import TableTextures, upload
@@ -128,6 +128,7 @@ def draw_scene(
     gpu.state.depth_mask_set(True)
     gpu.state.blend_set("NONE")
     gpu.state.depth_test_set("NONE")
+    let_go()
     _forget_tables(resources, items)
     used = sum(kept.bytes for _, kept in resources.tables.values())
     return Drawn(len(lights), used, tuple(messages))

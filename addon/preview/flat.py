@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..tables.tables import Tables
 from .context import need_gpu
-from .shader import compile_info, constants, full_screen, read_tables, start_info
+from .shader import compile_info, constants, full_screen, let_go, read_tables, start_info
 from .textures import upload
 
 _MAIN = """
@@ -92,3 +92,4 @@ class FlatEvaluator:
         shader.uniform_float("nacre_view", tuple(map(float, view)))
         shader.uniform_float("nacre_place", place)
         self.triangle.draw(shader)
+        let_go()

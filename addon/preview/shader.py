@@ -92,6 +92,12 @@ def compile_info(info: gpu.types.GPUShaderCreateInfo) -> gpu.types.GPUShader:
     return gpu.shader.create_from_info(info)
 
 
+def let_go() -> None:
+    """Bind a shader that stays. Blender skips binding a shader that lies where the last one bound
+    did, even when that one was freed: nothing would be drawn with the new one."""
+    gpu.shader.from_builtin("UNIFORM_COLOR").bind()
+
+
 @cache
 def full_screen() -> str:
     """A vertex shader for three vertices `position` that cover the picture."""
