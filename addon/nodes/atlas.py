@@ -17,50 +17,47 @@ LARGEST = 16384
 
 @dataclass(frozen=True)
 class Atlas:
-    """An image of equal tiles; tile (column, row) begins at (column / columns, row / rows)."""
+    """An image of blocks in a grid (across, up), each a rectangle of equal tiles.
+
+    Block (i, j) begins at (i / across, j / up) in texture coordinates, whatever it holds: clusters
+    can be looked up as such fractions that serve several atlases.
+    """
 
     image: bpy.types.Image
+    across: int
+    up: int
     columns: int
     rows: int
-    block_columns: int
 
     @property
     def scale(self) -> tuple[float, float, float]:
         """The size of one tile in the image's texture coordinates."""
-        return 1.0 / self.columns, 1.0 / self.rows, 0.0
-
-    def offset(self, tile: int) -> tuple[float, float, float]:
-        """Where a tile begins within its block."""
-        row, column = divmod(tile, self.block_columns)
-        return column / self.columns, row / self.rows, 0.0
+        return 1.0 / (self.across * self.columns), 1.0 / (self.up * self.rows), 0.0
 
 
-def make_atlas(name: str, blocks: NDArray[np.float32]) -> tuple[Atlas, NDArray[np.float32]]:
-    """Lay out blocks (blocks, tiles, Y, X, 4) in a packed image.
+def make_atlas(name: str, blocks: NDArray[np.float32]) -> Atlas:
+    """Lay out blocks (across, up, tiles, Y, X, 4) in a packed image.
 
-    Returns the atlas and each block's origin (blocks, 2) in texture coordinates. Raises NacreError
-    when no layout fits the largest texture.
+    Raises NacreError when that does not fit the largest texture.
     """
-    count, tiles, height, width, _ = blocks.shape
-    # Each block's tiles form a rectangle, and the rectangles another, both as square as they can.
-    block_columns = max(1, min(tiles, round(sqrt(tiles * height / width))))
-    block_rows = ceil(tiles / block_columns)
-    across = max(1, min(count, round(sqrt(count * block_rows * height / (block_columns * width)))))
-    down = ceil(count / across)
-    columns, rows = across * block_columns, down * block_rows
-    if max(columns * width, rows * height) > LARGEST:
+    across, up, tiles, height, width, _ = blocks.shape
+    # Tiles of a block form the rectangle that makes the whole as square as it can be.
+    columns = max(1, min(tiles, round(sqrt(tiles * height * up / (width * across)))))
+    columns = min(columns, max(1, LARGEST // (across * width)))
+    rows = ceil(tiles / columns)
+    if max(across * columns * width, up * rows * height) > LARGEST:
         raise NacreError(
-            f"{name}: its tables need a texture of {columns * width} x {rows * height} texels and "
-            f"{LARGEST} is the limit; compress with fewer clusters or lower ranks"
+            f"{name}: its tables need a texture of {across * columns * width} x "
+            f"{up * rows * height} texels and {LARGEST} is the limit; compress with fewer clusters "
+            "or lower ranks"
         )
-    grid = np.zeros((down * across, block_rows * block_columns, height, width, 4), np.float32)
-    grid[:count, :tiles] = blocks
-    grid = grid.reshape(down, across, block_rows, block_columns, height, width, 4)
-    pixels = grid.transpose(0, 2, 4, 1, 3, 5, 6).reshape(rows * height, columns * width, 4)
-    block = np.arange(count)
-    origins = np.column_stack([block % across / across, block // across / down])
-    image = make_image(name, pixels)
-    return Atlas(image, columns, rows, block_columns), origins.astype(np.float32)
+    grid = np.zeros((across, up, rows * columns, height, width, 4), np.float32)
+    grid[:, :, :tiles] = blocks
+    grid = grid.reshape(across, up, rows, columns, height, width, 4)
+    pixels = grid.transpose(1, 2, 4, 0, 3, 5, 6).reshape(
+        up * rows * height, across * columns * width, 4
+    )
+    return Atlas(make_image(name, pixels), across, up, columns, rows)
 
 
 def make_image(name: str, pixels: NDArray[np.float32]) -> bpy.types.Image:

@@ -1,16 +1,16 @@
-"""The node group that turns world directions into the tangent frame of a UV map."""
+"""The node group that has the tangent frame of a UV map."""
 
 from __future__ import annotations
 
 import bpy
 
-from .graph import Graph, Wire
+from .graph import Graph
 
 NAME = "Nacre Frame"
 
 
 def frame_group() -> bpy.types.ShaderNodeTree:
-    """The group, made at first use: Light (world) -> View and Light in the tangent frame.
+    """The group, made at first use: View in the tangent frame, and the frame in the world.
 
     x is the tangent along +u, z the shading normal and y completes them on the side of +v, so that
     mirrored islands show the material mirrored as their texture is.
@@ -18,15 +18,15 @@ def frame_group() -> bpy.types.ShaderNodeTree:
     if NAME in bpy.data.node_groups:
         return bpy.data.node_groups[NAME]
     tree = bpy.data.node_groups.new(NAME, "ShaderNodeTree")
-    for label, in_out, tip in (
-        ("Light", "INPUT", "Unit direction to the light in the world"),
-        ("View", "OUTPUT", "Unit direction to the viewer: x tangent, y bitangent, z normal"),
-        ("Light", "OUTPUT", "Unit direction to the light: x tangent, y bitangent, z normal"),
+    for label, tip in (
+        ("View", "Unit direction to the viewer: x tangent, y bitangent, z normal"),
+        ("Tangent", "Unit vector along +u, in the world"),
+        ("Bitangent", "Unit vector on the side of +v, in the world"),
+        ("Normal", "Unit shading normal, in the world"),
     ):
-        socket = tree.interface.new_socket(label, in_out=in_out, socket_type="NodeSocketVector")
+        socket = tree.interface.new_socket(label, in_out="OUTPUT", socket_type="NodeSocketVector")
         socket.description = tip
     g = Graph(tree)
-    light = g.wire(g.node("NodeGroupInput"), "Light")
     geometry = g.node("ShaderNodeNewGeometry")
     normal, view = g.wire(geometry, "Normal"), g.wire(geometry, "Incoming")
     along_u = g.wire(g.node("ShaderNodeTangent", direction_type="UV_MAP"))
@@ -37,9 +37,6 @@ def frame_group() -> bpy.types.ShaderNodeTree:
     tangent = g.normalize(along_u - normal * g.dot(normal, along_u))
     upright = g.cross(normal, tangent)
     bitangent = upright * g.math("SIGN", g.dot(upright, along_v))
-
-    def turned(direction: Wire) -> Wire:
-        return g.combine(*(g.dot(direction, axis) for axis in (tangent, bitangent, normal)))
-
-    g.node("NodeGroupOutput", turned(view), turned(light))
+    frame = tangent, bitangent, normal
+    g.node("NodeGroupOutput", g.combine(*(g.dot(view, axis) for axis in frame)), *frame)
     return tree

@@ -47,10 +47,16 @@ class Wire:
 
 
 class Graph:
-    """Writes nodes into one tree, in a row from left to right."""
+    """Writes nodes into one tree, in a row from left to right.
+
+    Wires of other trees become inputs of this one, a group's, and are listed in `outside` in the
+    order of these inputs.
+    """
 
     def __init__(self, tree: bpy.types.NodeTree) -> None:
         self.tree = tree
+        self.outside: list[Wire] = []
+        self._inside: dict[bpy.types.NodeSocket, Wire] = {}
 
     def node(self, kind: str, *operands: Operand, **properties: object) -> bpy.types.Node:
         """A node of a type with its properties set and its first inputs connected."""
@@ -67,9 +73,24 @@ class Graph:
     def connect(self, operand: Operand, socket: bpy.types.NodeSocket) -> None:
         """Link a wire to a socket, or set its value to a constant."""
         if isinstance(operand, Wire):
-            self.tree.links.new(operand.socket, socket)
+            self.tree.links.new(self._here(operand).socket, socket)
         else:
             socket.default_value = operand
+
+    def group_input(self, label: str, kind: str) -> Wire:
+        """A new input of the group, Float or Vector."""
+        self.tree.interface.new_socket(label, in_out="INPUT", socket_type=f"NodeSocket{kind}")
+        node = self.node("NodeGroupInput")
+        return Wire(self, node.outputs[-2])  # the last one is for new sockets
+
+    def _here(self, operand: Wire) -> Wire:
+        if operand.graph is self or operand.socket.id_data == self.tree:
+            return operand
+        if operand.socket not in self._inside:
+            kind = "Vector" if operand.is_vector else "Float"
+            self._inside[operand.socket] = self.group_input(operand.socket.name, kind)
+            self.outside.append(operand)
+        return self._inside[operand.socket]
 
     def wire(self, node: bpy.types.Node, output: int | str = 0) -> Wire:
         return Wire(self, node.outputs[output])

@@ -8,20 +8,24 @@ from typing import Any
 
 import bpy
 
-from .graph import Graph, Wire
+from .graph import Graph, Operand, Wire
 
 NAME = "Nacre Light"
-KINDS = {"POINT": 0.0, "SUN": 1.0, "SPOT": 2.0}  # Blender's own numbers, which a driver reads
+# Blender's own numbers, which a driver reads.
+KINDS = {"POINT": 0.0, "SUN": 1.0, "SPOT": 2.0, "AREA": 4.0}
 SOCKETS: tuple[tuple[str, str, Any, str], ...] = (
-    ("Kind", "Float", KINDS["SUN"], "Point 0, sun 1, spot 2"),
+    ("Kind", "Float", KINDS["SUN"], "Point 0, sun 1, spot 2, area 4"),
     ("Location", "Vector", (0.0, 0.0, 0.0), "World position in metres"),
     ("Rotation W", "Float", 1.0, "World rotation, real part of the quaternion"),
     ("Rotation", "Vector", (0.0, 0.0, 0.0), "World rotation, imaginary part of the quaternion"),
     ("Colour", "Color", (1.0, 1.0, 1.0, 1.0), "Linear colour with temperature"),
-    ("Strength", "Float", pi, "Sun: irradiance in W/m2; point and spot: power in W"),
+    ("Strength", "Float", pi, "Sun: irradiance in W/m2; others: power in W"),
     ("Spot Size", "Float", pi / 4, "Full angle of the cone"),
     ("Spot Blend", "Float", 0.15, "Softness of the cone's edge, 0 to 1"),
+    ("Offset", "Vector", (0.0, 0.0, 0.0), "Area: this sample's place, in metres from the middle"),
 )
+AREA_SAMPLES = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
+"""Where an area light is sampled, in parts of its width and height: the middles of its quarters."""
 
 
 def light_group() -> bpy.types.ShaderNodeTree:
@@ -40,21 +44,21 @@ def light_group() -> bpy.types.ShaderNodeTree:
 
     g = Graph(tree)
     inputs = g.node("NodeGroupInput")
-    kind, location, w, xyz, colour, strength, spot_size, spot_blend = (
+    kind, location, w, xyz, colour, strength, spot_size, spot_blend, offset = (
         g.wire(inputs, label) for label, *_ in SOCKETS
     )
-    is_sun = g.math("COMPARE", kind, KINDS["SUN"], 0.5)
-    is_spot = g.math("COMPARE", kind, KINDS["SPOT"], 0.5)
-
-    # The light's own +z axis, which points away from where it shines.
-    x, y, z = g.separate(xyz)
-    axis = g.combine(
-        (x * z + w * y) * 2.0,
-        (y * z - w * x) * 2.0,
-        g.operate("SUBTRACT", 1.0, (x * x + y * y) * 2.0),
+    is_sun, is_spot, is_area = (
+        g.math("COMPARE", kind, KINDS[name], 0.5) for name in ("SUN", "SPOT", "AREA")
     )
+
+    def turned(vector: Operand) -> Wire:
+        """A vector of the light's own axes in the world: v + 2 q x (q x v + w v)."""
+        return vector + g.cross(xyz, g.cross(xyz, vector) + vector * w) * 2.0
+
+    # The light's own +z axis points away from where it shines.
+    axis = turned(g.combine(0.0, 0.0, 1.0))
     position = g.wire(g.node("ShaderNodeNewGeometry"), "Position")
-    towards = location - position
+    towards = location + turned(offset) - position
     square = g.math("MAXIMUM", g.dot(towards, towards), 1e-12)
     direction = axis * is_sun + g.normalize(towards) * g.operate("SUBTRACT", 1.0, is_sun)
 
@@ -63,7 +67,10 @@ def light_group() -> bpy.types.ShaderNodeTree:
     sun, other = is_sun * (1.0 / pi), g.operate("SUBTRACT", 1.0, is_sun) * falloff
     cone = _cone(g, g.dot(direction, axis), spot_size, spot_blend)
     inside = (cone - 1.0) * is_spot + 1.0
-    radiance = colour * ((sun + other) * inside * strength)
+    # An area sends its power to one side, a share from each sample, and by the cosine.
+    share = g.math("MAXIMUM", g.dot(direction, axis), 0.0) * (4.0 / len(AREA_SAMPLES))
+    flat = (share - 1.0) * is_area + 1.0
+    radiance = colour * ((sun + other) * inside * flat * strength)
     g.node("NodeGroupOutput", direction, radiance)
     return tree
 
@@ -78,15 +85,17 @@ def _cone(g: Graph, cosine: Wire, size: Wire, blend: Wire) -> Wire:
     return t * t * g.operate("SUBTRACT", 3.0, t * 2.0)
 
 
-def drive_light(node: bpy.types.ShaderNodeGroup, light: bpy.types.Object | None) -> None:
-    """Drive a light group node's inputs from a light object; None puts the default sun back, which
-    shines along -z with strength pi."""
-    for label, kind, value, _ in SOCKETS:
-        for index in (-1,) if kind == "Float" else range(len(value)):
-            node.inputs[label].driver_remove("default_value", index)
-        node.inputs[label].default_value = value
-    if light is None:
-        return
+def samples_of(light: bpy.types.Object) -> tuple[tuple[float, float], ...]:
+    """Where a light is sampled, in parts of its size; one place unless it is an area."""
+    return AREA_SAMPLES if light.data.type == "AREA" else ((0.0, 0.0),)
+
+
+def drive_light(
+    node: bpy.types.ShaderNodeGroup,
+    light: bpy.types.Object,
+    sample: tuple[float, float] = (0.0, 0.0),
+) -> None:
+    """Drive a new light group node's inputs from a light object, or from one sample of an area."""
     inputs = node.inputs
     _drive(inputs["Kind"], -1, "v", v=_property(light, "data.type"))
     for index, axis in enumerate("XYZ"):
@@ -110,6 +119,14 @@ def drive_light(node: bpy.types.ShaderNodeGroup, light: bpy.types.Object | None)
     )
     for label, path in (("Spot Size", "data.spot_size"), ("Spot Blend", "data.spot_blend")):
         _drive(inputs[label], -1, "v", v=_property(light, path))
+    if any(sample):
+        width, height, shape = (
+            _property(light, f"data.{name}") for name in ("size", "size_y", "shape")
+        )
+        _drive(inputs["Offset"], 0, f"{sample[0]} * x", x=width)
+        # Rectangles (1) and ellipses (5) have a height of their own.
+        height_of = f"{sample[1]} * (y if k == 1 or k == 5 else x)"
+        _drive(inputs["Offset"], 1, height_of, x=width, y=height, k=shape)
 
 
 def _property(light: bpy.types.Object, path: str) -> dict[str, object]:

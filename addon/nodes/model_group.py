@@ -1,181 +1,114 @@
-"""The node group that evaluates a model's tables for one light.
+"""The node group that shows a model under the lights of a light set.
 
-    Nacre MODEL          UV, View, Light -> Value
-      Nacre MODEL Texel  the core at one texel: view coefficients in, reduced light vector out
-
-Texels are read with Closest and mixed by hand: EEVEE's other filters use mipmaps, which draw seams
-where the texture coordinate jumps at a tile's edge.
+Nacre MODEL          UV, View, Tangent, Bitangent, Normal -> Value
+  Nacre Lights       directions and radiances (light_set)
+  Nacre MODEL Texel  the core at one texel (texel_group)
 """
 
 from __future__ import annotations
 
 import bpy
-import numpy as np
 
-from ..tables.tables import Tables
-from .atlas import Atlas, make_atlas
+from .evaluation import Evaluation
 from .graph import Graph, Wire
+from .loops import choose, clear, repeat
+from .packed_tables import PackedTables, is_holder, store, stored
+from .texel_group import make_texel_group
+
+SOCKETS = (
+    ("UV", "Texture coordinates in patches; whole numbers repeat the material"),
+    ("View", "Unit direction to the viewer: x tangent, y bitangent, z normal"),
+    ("Tangent", "Unit vector of the surface along +u, in the world"),
+    ("Bitangent", "Unit vector of the surface on the side of +v, in the world"),
+    ("Normal", "Unit normal of the surface, in the world"),
+)
+_TEXEL = "Table: Texel"
+_LIGHTS = "Lights"
 
 
-def make_model_group(name: str, tables: Tables) -> bpy.types.ShaderNodeTree:
-    """A group with inputs UV, View and Light (unit vectors in the tangent frame), output Value.
-
-    Value is linear and clamped at 0: radiance over that of a white diffuser lit head-on.
-    """
-    texels = tables.core.reshape(len(tables.core), -1, *tables.core.shape[3:])
-    core, origins = make_atlas(f"{name} Core", texels)
-    views, _ = make_atlas(f"{name} View", _view_maps(tables, origins)[None])
-    size = tables.size
-    lights, _ = make_atlas(f"{name} Light", tables.light.reshape(1, -1, size, size, 4))
-    texel_group = _make_texel_group(f"{name} Texel", tables, core)
-
+def make_model_group(
+    name: str, packed: PackedTables, lights: bpy.types.ShaderNodeTree | None
+) -> bpy.types.ShaderNodeTree:
+    """A group with inputs SOCKETS and the output Value: linear radiance under all lights of a light
+    set, that of the material clamped at 0 for each."""
     tree = bpy.data.node_groups.new(name, "ShaderNodeTree")
-    for socket, kind in (("UV", "VECTOR"), ("View", "VECTOR"), ("Light", "VECTOR")):
-        tree.interface.new_socket(socket, in_out="INPUT", socket_type=f"NodeSocket{kind.title()}")
-    tree.interface.new_socket("Value", in_out="OUTPUT", socket_type="NodeSocketColor")
-    for socket, tip in (
-        ("UV", "Texture coordinates in patches; whole numbers repeat the material"),
-        ("View", "Unit direction to the viewer: x tangent, y bitangent, z normal"),
-        ("Light", "Unit direction to the light: x tangent, y bitangent, z normal"),
-        ("Value", "Radiance over that of a white diffuser lit head-on by the same light"),
-    ):
-        tree.interface.items_tree[socket].description = tip
-    g = Graph(tree)
-    inputs = g.node("NodeGroupInput")
-    uv, view, light = (g.wire(inputs, name) for name in ("UV", "View", "Light"))
-
-    mixtures, quads = tables.view.shape[:2]
-    place = _parabolic(g, view, tables.size, views)
-    coefficients = [w for tile in range(mixtures * quads) for w in _fetch(g, views, place, tile)]
-    blocks = []
-    for tile in range(mixtures * quads, mixtures * quads + -(-mixtures // 2)):
-        x0, y0, x1, y1 = _fetch(g, views, place, tile)
-        blocks += [g.combine(x0, y0), g.combine(x1, y1)]
-
-    reduced = _bilinear(g, uv, tables, core, texel_group, [*blocks[:mixtures], *coefficients])
-    place = _parabolic(g, light, tables.size, lights)
-    above = g.math("GREATER_THAN", g.separate(light)[2], 0.0)
-    light_quads = tables.light.shape[1]
-    channels = []
-    for channel in range(3):
-        value: Wire | float = 0.0
-        for quad in range(light_quads):
-            tile = quad + light_quads * min(channel, len(tables.light) - 1)
-            rows = _fetch(g, lights, place, tile)
-            for row, factor in zip(rows, reduced[4 * quad : 4 * quad + 4], strict=False):
-                value = g.math("MULTIPLY_ADD", row, factor, value)
-        channels.append(g.math("MAXIMUM", value * above, 0.0))
-    g.node("NodeGroupOutput", g.combine(*channels))
+    for label, tip in SOCKETS:
+        socket = tree.interface.new_socket(label, in_out="INPUT", socket_type="NodeSocketVector")
+        socket.description = tip
+    output = tree.interface.new_socket("Value", in_out="OUTPUT", socket_type="NodeSocketColor")
+    output.description = "Linear radiance of the material under all lights"
+    show_tables(tree, packed, lights)
     return tree
 
 
-def _view_maps(tables: Tables, origins: np.ndarray) -> np.ndarray:
-    """View coefficients, then the origins of each texel's clusters, two to an RGBA texel."""
-    mixtures, _, size, _, _ = tables.view.shape
-    places = np.zeros((-(-mixtures // 2) * 2, size, size, 2), np.float32)
-    places[:mixtures] = origins[tables.index]
-    pairs = places.reshape(-1, 2, size, size, 2).transpose(0, 2, 3, 1, 4)
-    return np.concatenate(
-        [tables.view.reshape(-1, size, size, 4), pairs.reshape(-1, size, size, 4)]
-    )
+def show_tables(
+    tree: bpy.types.ShaderNodeTree,
+    packed: PackedTables,
+    lights: bpy.types.ShaderNodeTree | None,
+) -> None:
+    """Let a group show other tables; its sockets, and so all links to it, stay."""
+    holder = tree.nodes.get(_TEXEL)
+    if holder is not None:
+        bpy.data.node_groups.remove(holder.node_tree)
+        tree.nodes.remove(holder)
+    store(tree, packed)
+    holder = tree.nodes.new("ShaderNodeGroup")
+    holder.node_tree = make_texel_group(f"{tree.name} Texel", packed)
+    holder.name = holder.label = _TEXEL
+    holder.location, holder.hide = (-400.0, 60.0), True
+    show_lights(tree, lights)
 
 
-def _make_texel_group(name: str, tables: Tables, core: Atlas) -> bpy.types.ShaderNodeTree:
-    """The core at one texel with its view contracted: Place, Weight, blocks, coefficients -> R_l.
+def remove_model_group(tree: bpy.types.ShaderNodeTree) -> None:
+    """Remove a group with all that was made for it."""
+    clear(tree, keep=is_holder)
+    texel = tree.nodes[_TEXEL].node_tree
+    images = [node.image for node in tree.nodes if node.type == "TEX_IMAGE"]
+    for item in (tree, texel):
+        bpy.data.node_groups.remove(item)
+    for image in images:
+        bpy.data.images.remove(image)
 
-    Four of these share one tree. Sums run as chains of Multiply Add on scalars, each started where
-    the last ended: Cycles keeps at most 255 live values, and inserts conversions between colours
-    and vectors only after all nodes that wait for nothing, which would hold every texel at once.
-    """
-    _, rank_light, quads = tables.core.shape[:3]
-    mixtures = tables.view.shape[0]
-    tree = bpy.data.node_groups.new(name, "ShaderNodeTree")
 
-    def socket(label: str, in_out: str, kind: str) -> None:
-        tree.interface.new_socket(label, in_out=in_out, socket_type=f"NodeSocket{kind}")
+def show_lights(tree: bpy.types.ShaderNodeTree, lights: bpy.types.ShaderNodeTree | None) -> None:
+    """Write a group anew for a light set, or for one whose number of lights has changed."""
+    clear(tree, keep=is_holder)
+    _write(tree, stored(tree), lights)
 
-    socket("Place", "INPUT", "Vector")
-    socket("Weight", "INPUT", "Float")
-    for k in range(mixtures):
-        socket(f"Block {k}", "INPUT", "Vector")
-    for i in range(mixtures * quads * 4):
-        socket(f"Coefficient {i}", "INPUT", "Float")
-    for r in range(rank_light):
-        socket(f"Reduced {r}", "OUTPUT", "Float")
 
+def lights_of(tree: bpy.types.ShaderNodeTree) -> bpy.types.ShaderNodeTree | None:
+    """The light set that a group shows."""
+    node = tree.nodes.get(_LIGHTS)
+    return None if node is None else node.node_tree
+
+
+def _write(
+    tree: bpy.types.ShaderNodeTree,
+    packed: PackedTables,
+    lights: bpy.types.ShaderNodeTree | None,
+) -> None:
     g = Graph(tree)
-    inputs = [Wire(g, output) for output in g.node("NodeGroupInput").outputs[:-1]]
-    place, weight = inputs[:2]
-    blocks, coefficients = inputs[2 : 2 + mixtures], inputs[2 + mixtures :]
-    sums: list[Wire | float] = [0.0] * rank_light
-    for k in range(mixtures):
-        at = place + blocks[k]
-        for q in range(quads):
-            first = 4 * (k * quads + q)
-            weighted = [c * weight for c in coefficients[first : first + 4]]
-            for r in range(rank_light):
-                for value, factor in zip(_fetch(g, core, at, r * quads + q), weighted, strict=True):
-                    sums[r] = g.math("MULTIPLY_ADD", value, factor, sums[r])
-    g.node("NodeGroupOutput", *sums)
-    return tree
+    uv, view, *frame = (Wire(g, output) for output in g.node("NodeGroupInput").outputs[:-1])
+    directions: list[Wire] = []
+    radiances: list[Wire] = []
+    if lights is not None:
+        node = g.node("ShaderNodeGroup", node_tree=lights)
+        node.name = node.label = _LIGHTS
+        outputs = [Wire(g, output) for output in node.outputs]
+        directions, radiances = outputs[::2], outputs[1::2]
+    total = g.combine(0.0, 0.0, 0.0)
+    if directions:
+        evaluation = Evaluation(g, packed, tree.nodes[_TEXEL].node_tree, uv, view)
 
-
-def _bilinear(
-    g: Graph,
-    uv: Wire,
-    tables: Tables,
-    core: Atlas,
-    texel_group: bpy.types.ShaderNodeTree,
-    operands: list[Wire],
-) -> list[Wire]:
-    """The reduced light vector at a point: four texels round it, mixed."""
-    height, width = tables.core.shape[3:5]
-    corners, weights = [], []
-    for coordinate, size, scale in zip(g.separate(uv), (width, height), core.scale, strict=False):
-        place = g.math("FRACT", coordinate) * float(size) - 0.5
-        corner = g.math("FLOOR", place)
-        along = place - corner
-        texels = [g.math("FLOORED_MODULO", corner + float(step), float(size)) for step in (0, 1)]
-        corners.append([(texel + 0.5) * (scale / size) for texel in texels])
-        weights.append([g.operate("SUBTRACT", 1.0, along), along])
-    reduced: list[Wire] = []
-    for iy in (0, 1):
-        for ix in (0, 1):
-            tap = g.node(
-                "ShaderNodeGroup",
-                node_tree=texel_group,
+        def add_light(g: Graph, index: Wire | int, state: list[Wire]) -> list[Wire]:
+            direction = choose(g, index, directions)
+            value = evaluation.value(g, g.combine(*(g.dot(direction, axis) for axis in frame)))
+            radiance = choose(g, index, radiances)
+            lit = g.node(
+                "ShaderNodeVectorMath", g.combine(*value), radiance, operation="MULTIPLY_ADD"
             )
-            values = [g.combine(corners[0][ix], corners[1][iy]), weights[0][ix] * weights[1][iy]]
-            for operand, socket in zip([*values, *operands], tap.inputs, strict=True):
-                g.connect(operand, socket)
-            outputs = [Wire(g, output) for output in tap.outputs]
-            reduced = [a + b for a, b in zip(reduced, outputs, strict=True)] if reduced else outputs
-    return reduced
+            g.connect(state[0], lit.inputs[2])
+            return [g.wire(lit)]
 
-
-def _parabolic(g: Graph, direction: Wire, size: int, atlas: Atlas) -> Wire:
-    """Where a direction's texel is in an atlas's first tile (tables.parabolic)."""
-    x, y, z = g.separate(direction)
-    reach = g.length(g.combine(x, y))
-    divisor = g.math("MAXIMUM", g.math("MAXIMUM", z + 1.0, reach), 1e-6)
-    centre, radius = size // 2 + 0.5, size // 2 - 1
-    place = [
-        g.math("MULTIPLY_ADD", p / divisor, radius * scale / size, centre * scale / size)
-        for p, scale in zip((x, y), atlas.scale, strict=False)
-    ]
-    return g.combine(*place)
-
-
-def _fetch(g: Graph, atlas: Atlas, place: Wire, tile: int) -> list[Wire]:
-    """The four values of a texel: `place` within a tile plus the tile's own offset."""
-    node = g.node(
-        "ShaderNodeTexImage",
-        place,
-        image=atlas.image,
-        interpolation="Closest",
-        extension="EXTEND",
-    )
-    # The node's own mapping adds the offset: one node less than an addition, and no live value.
-    node.texture_mapping.translation = atlas.offset(tile)
-    colour = g.node("ShaderNodeSeparateColor", g.wire(node, "Color"))
-    return [*(Wire(g, output) for output in colour.outputs), g.wire(node, "Alpha")]
+        (total,) = repeat(g, len(directions), [(0.0, 0.0, 0.0)], add_light)
+    g.node("NodeGroupOutput", total)

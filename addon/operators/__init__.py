@@ -1,6 +1,6 @@
 """One file for each thing a user does."""
 
-from . import cancel, compress, create_material, export_btf, import_btf, measure
+from . import cancel, compress, create_material, export_btf, import_btf, measure, update_material
 
 CLASSES = (
     import_btf.NACRE_OT_import_btf,
@@ -9,6 +9,7 @@ CLASSES = (
     measure.NACRE_OT_measure,
     compress.NACRE_OT_compress,
     create_material.NACRE_OT_create_material,
+    update_material.NACRE_OT_update_material,
     cancel.NACRE_OT_cancel,
 )
 draw_import_menu = import_btf.draw_import_menu

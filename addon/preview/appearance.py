@@ -33,11 +33,19 @@ class Appearance:
     message: str = ""
 
 
-def appearance_of(material: bpy.types.Material | None) -> Appearance:
+def final_appearance_of(material: bpy.types.Material | None) -> Appearance:
+    """A material's appearance in a final render, which may show another model."""
+    return appearance_of(material, final=True)
+
+
+def appearance_of(material: bpy.types.Material | None, final: bool = False) -> Appearance:
     """A material's appearance; never raises for a model that is missing or broken."""
     if material is None:
         return Appearance()
-    path = getattr(getattr(material, "nacre", None), "model", "")
+    settings = getattr(material, "nacre", None)
+    path = getattr(settings, "model", "")
+    if final:
+        path = getattr(settings, "final_model", "") or path
     if not path:
         return Appearance(base=base_colour(material))
     tables, message = tables_of(bpy.path.abspath(path, library=material.library))

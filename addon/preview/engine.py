@@ -7,7 +7,7 @@ import gpu
 from gpu_extras.presets import draw_texture_2d
 
 from ..errors import NacreError
-from .appearance import appearance_of
+from .appearance import appearance_of, final_appearance_of
 from .draw import Resources, View, draw_scene
 from .picture import background, camera_picture
 
@@ -28,7 +28,7 @@ class NACRE_RE_engine(bpy.types.RenderEngine):
         scale = render.resolution_percentage / 100.0
         size = max(1, int(render.resolution_x * scale)), max(1, int(render.resolution_y * scale))
         try:
-            pixels, drawn = camera_picture(depsgraph, size)
+            pixels, drawn = camera_picture(depsgraph, size, appearance=final_appearance_of)
         except NacreError as error:
             self.report({"ERROR"}, str(error))
             self.error_set(str(error))

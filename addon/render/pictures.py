@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import bpy
 
-from ..nodes.material import MODEL_NODE, set_light
+from ..nodes.material import MODEL_NODE, set_lights
 from .engines import set_engine
 from .stage import add_camera, add_mesh, add_sun, new_scene, unit
 
@@ -46,7 +46,8 @@ class FlatScene:
         """Light and view at (theta, phi) in degrees, in the patch's frame."""
         for item in [o for o in self.scene.objects if o.type == "LIGHT"]:
             bpy.data.objects.remove(item)
-        set_light(self.material, add_sun(self.scene, light))
+        add_sun(self.scene, light)
+        set_lights(self.material, self.scene)
         self.view.default_value = unit(view)
 
 
@@ -64,7 +65,8 @@ def object_scene(
     with new_scene(size) as scene:
         add_mesh(scene, mesh, material)
         add_camera(scene, view, 2.3 * max(1.0, size[0] / size[1]))
-        set_light(material, add_sun(scene, light))
+        add_sun(scene, light)
+        set_lights(material, scene)
         set_engine(scene, engine, samples)
         scene.cycles.max_bounces = 0  # the material is measured: nothing bounces that it lacks
         yield scene

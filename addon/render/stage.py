@@ -14,6 +14,7 @@ from mathutils import Matrix, Vector
 
 from ..datasets.directions import spherical_to_unit
 from ..errors import NacreError
+from ..nodes.light_set import forget
 
 MESH_IMPORTERS = {".obj": "obj_import", ".ply": "ply_import", ".stl": "stl_import"}
 
@@ -35,6 +36,7 @@ def new_scene(size: tuple[int, int]) -> Iterator[bpy.types.Scene]:
     try:
         yield scene
     finally:
+        forget(scene)
         bpy.data.scenes.remove(scene)
         for kind, kept in before.items():
             collection = getattr(bpy.data, kind)

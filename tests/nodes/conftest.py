@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -11,6 +13,8 @@ import pytest
 from addon.datasets.directions import spherical_to_unit
 from addon.models.clustered_tucker import ClusteredTucker
 from addon.tables.tables import Tables, build_tables
+
+sys.path.append(str(Path(__file__).parents[1] / "models"))  # small_btf
 
 
 @pytest.fixture(autouse=True)

@@ -7,12 +7,19 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 import pytest
+from small_btf import make_model as small_model
 
 from addon.datasets.directions import spherical_to_unit
 from addon.errors import NacreError
 from addon.models.clustered_tucker import ClusteredTucker
 from addon.nodes import atlas
-from addon.nodes.material import MODEL_NODE, is_nacre_material, material_from_tables
+from addon.nodes.material import (
+    MODEL_NODE,
+    is_nacre_material,
+    material_from_tables,
+    set_lights,
+    set_tables,
+)
 from addon.render.engines import ENGINES, render_pixels, set_engine
 from addon.render.pictures import flat_scene
 from addon.render.stage import add_camera, add_mesh, add_sun, new_scene, unit
@@ -65,9 +72,8 @@ def test_oblique_camera_sees_points(engine: str, tables: Tables) -> None:
         for corner in plane.data.uv_layers.active.uv:
             corner.vector = [3.0 * value - 1.0 for value in corner.vector]
         camera = add_camera(scene, view, 0.5)
-        from addon.nodes.material import set_light
-
-        set_light(material, add_sun(scene, light))
+        add_sun(scene, light)
+        set_lights(material, scene)
         set_engine(scene, engine, 1)
         scene.render.filter_size = 0.0
         scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
@@ -86,6 +92,90 @@ def test_oblique_camera_sees_points(engine: str, tables: Tables) -> None:
         uv.reshape(-1, 2),
     ).reshape(seen.shape)
     assert np.abs(seen - expected).mean() < 0.01 * expected.mean()
+
+
+KINDS = {
+    "kcta": {"ranks": (6, 3, 3, 3), "clusters": {"view": 4}, "mixtures": {"view": 3}},
+    "cta of local lights": {"ranks": (5, 3, 3, 3), "clusters": {"view": 3}, "shared": ()},
+    "clusters of lights": {
+        "ranks": (3, 6, 3, 3),
+        "clusters": {"light": 3},
+        "mixtures": {"light": 2},
+        "shared": ("view",),
+    },
+    "mkcta": {
+        "ranks": (3, 5, 3, 3),
+        "clusters": {"light": 6, "view": 3},
+        "mixtures": {"light": 5, "view": 2},
+        "shared": ("y", "x"),
+    },
+}
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+def test_several_lights_add_up(engine: str, kind: dict) -> None:
+    """Each clamped for itself, whatever is clustered."""
+    tables = build_tables(small_model((12, 14, 10, 12, 3), **{"shared": ("light",), **kind}), 32)
+    material = material_from_tables(tables, "Test")
+    lights, view = ((20.0, 30.0), (60.0, 140.0), (45.0, 260.0)), (35.0, 80.0)
+    with flat_scene(material, (12, 10), engine) as flat:
+        for count in (3, 0, 1):  # more, none and one are written differently
+            for item in [item for item in flat.scene.objects if item.type == "LIGHT"]:
+                bpy.data.objects.remove(item)
+            for light in lights[:count]:
+                add_sun(flat.scene, light)
+            set_lights(material, flat.scene)
+            flat.view.default_value = unit(view)
+            seen = render_pixels(flat.scene)
+            alone = [
+                evaluate_patch(tables, unit(light)[None], unit(view)[None])[0, 0]
+                for light in lights[:count]
+            ]
+            expected = np.sum(alone, 0) if alone else np.zeros_like(seen)
+            assert np.abs(seen - expected).mean() <= 0.005 * expected.mean(), count
+    kept = {tree.name for tree in bpy.data.node_groups}
+    assert len(kept) <= 6, kept  # what was written for other lights is gone
+
+
+def test_mkcta_of_the_paper_fits_cycles_stack() -> None:
+    """MK-CTA at Hole's setting, under four lights."""
+    model = small_model(
+        (12, 14, 10, 12, 3),
+        (4, 4, 3, 3),
+        clusters={"light": 4, "view": 5},
+        mixtures={"light": 3, "view": 3},
+        shared=("y", "x"),
+    )
+    tables = build_tables(model, 32)
+    material = material_from_tables(tables, "Test")
+    with flat_scene(material, (12, 10), "cycles") as flat:
+        for turn in range(4):
+            add_sun(flat.scene, (40.0, 90.0 * turn))
+        set_lights(material, flat.scene)
+        assert render_pixels(flat.scene).mean() > 0.0
+
+
+def test_other_tables_in_place(tables: Tables) -> None:
+    """The material's links stay, and nothing of the first tables does."""
+    material = material_from_tables(tables, "Test")
+    links = len(material.node_tree.links)
+
+    def kept() -> tuple[int, int]:
+        images = [image for image in bpy.data.images if image.type == "IMAGE"]
+        return len(images), len(bpy.data.node_groups)
+
+    other = build_tables(small_model((12, 14, 10, 12, 3), (4, 5, 3, 3)), 32)
+    with flat_scene(material, (12, 10), "cycles") as flat:
+        flat.aim((30.0, 60.0), (60.0, 90.0))
+        before = kept()
+        set_tables(material, other)
+        flat.aim((30.0, 60.0), (60.0, 90.0))
+        seen = render_pixels(flat.scene)
+        assert kept() == before
+    expected = evaluate_patch(other, unit((30.0, 60.0))[None], unit((60.0, 90.0))[None])[0, 0]
+    assert np.abs(seen - expected).mean() < 0.005 * expected.mean()
+    assert len(material.node_tree.links) == links - 1  # flat pictures take the view away
 
 
 def test_no_light_below_the_horizon(tables: Tables) -> None:
@@ -135,7 +225,14 @@ def test_artist_facing_names(tables: Tables) -> None:
     material = material_from_tables(tables, "Wool")
     group = material.node_tree.nodes[MODEL_NODE].node_tree
     sockets = [item for item in group.interface.items_tree if item.item_type == "SOCKET"]
-    assert [socket.name for socket in sockets] == ["Value", "UV", "View", "Light"]
+    assert [socket.name for socket in sockets] == [
+        "Value",
+        "UV",
+        "View",
+        "Tangent",
+        "Bitangent",
+        "Normal",
+    ]
     assert all(socket.description for socket in sockets)
     assert material.node_tree.nodes["Repeat"]
-    assert len(bpy.data.images) == 3
+    assert len(bpy.data.images) == 4

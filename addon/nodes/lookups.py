@@ -1,0 +1,68 @@
+"""Reading tables in a shader tree: where a direction's texel is, and the four values there."""
+
+from __future__ import annotations
+
+from .atlas import Atlas
+from .graph import Graph, Operand, Wire
+
+
+def parabolic(g: Graph, direction: Wire, size: int) -> tuple[Wire, Wire]:
+    """Where a direction's texel is in a parabolic map of `size`, in parts of the map
+    (tables.parabolic)."""
+    x, y, z = g.separate(direction)
+    reach = g.length(g.combine(x, y))
+    divisor = g.math("MAXIMUM", g.math("MAXIMUM", z + 1.0, reach), 1e-6)
+    centre, radius = (size // 2 + 0.5) / size, (size // 2 - 1) / size
+    across, up = (g.math("MULTIPLY_ADD", p / divisor, radius, centre) for p in (x, y))
+    return across, up
+
+
+class Lookup:
+    """A place within the tiles of an atlas, read with Closest: EEVEE's other filters use mipmaps,
+    which draw seams where the texture coordinate jumps at a tile's edge.
+
+    Columns and rows of tiles are shifted to once each and as scalars: EEVEE keeps the constants of
+    all nodes in 64 kB, and an image node's own mapping would take 64 bytes of that for each texel.
+    """
+
+    def __init__(self, g: Graph, atlas: Atlas, x: Wire, y: Wire) -> None:
+        """`x` and `y` are texture coordinates in a block's first tile."""
+        self.g, self.atlas = g, atlas
+        self.columns: dict[int, Wire] = {0: x}
+        self.rows: dict[int, Wire] = {0: y}
+
+    def fetch(self, tile: int) -> list[Wire]:
+        """The four values of the texel in a tile."""
+        row, column = divmod(tile, self.atlas.columns)
+        step_x, step_y, _ = self.atlas.scale
+        place = self.g.combine(
+            self._shifted(self.columns, column, step_x), self._shifted(self.rows, row, step_y)
+        )
+        node = self.g.node(
+            "ShaderNodeTexImage",
+            place,
+            image=self.atlas.image,
+            interpolation="Closest",
+            extension="EXTEND",
+        )
+        colour = self.g.node("ShaderNodeSeparateColor", self.g.wire(node, "Color"))
+        return [*(Wire(self.g, output) for output in colour.outputs), self.g.wire(node, "Alpha")]
+
+    def _shifted(self, known: dict[int, Wire], number: int, step: float) -> Wire:
+        if number not in known:
+            known[number] = self.g.math("ADD", known[0], number * step)
+        return known[number]
+
+
+def look_up(
+    g: Graph, atlas: Atlas, place: tuple[Wire, Wire], x: Operand = 0.0, y: Operand = 0.0
+) -> Lookup:
+    """A place in parts of a tile, in the block that begins at (x, y) of the atlas."""
+    return Lookup(
+        g,
+        atlas,
+        *(
+            g.math("MULTIPLY_ADD", part, scale, origin)
+            for part, scale, origin in zip(place, atlas.scale, (x, y), strict=False)
+        ),
+    )

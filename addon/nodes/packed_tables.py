@@ -1,0 +1,167 @@
+"""A model's tables as a node tree keeps them: images, and the shapes that say how to read them.
+
+With these a tree can be written anew, for other lights, without the model at hand.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+
+import bpy
+import numpy as np
+
+from ..tables.tables import Tables
+from .atlas import Atlas, make_atlas
+
+_SHAPES = "nacre_shapes"
+_HOLDER = "Table: "
+ATLASES = ("core", "view", "index", "light")
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """Sizes of the arrays of Tables; no light rows for occlusion."""
+
+    clusters: tuple[int, int]  # of lights, of views
+    light_rank: int
+    light_owners: int
+    light_mixtures: int
+    light_quads: int
+    view_owners: int
+    view_mixtures: int
+    view_quads: int
+    channels: int
+    height: int
+    width: int
+    size: int
+
+    @property
+    def reduced_once(self) -> bool:
+        """Whether the core contracted with the view serves all lights."""
+        return self.clusters[0] == 1
+
+    @property
+    def views_apart(self) -> bool:
+        """Whether light rows differ from one of the view's clusters to the next."""
+        return self.light_owners > 1
+
+
+@dataclass(frozen=True)
+class PackedTables:
+    """Four images at most, however many lights there are."""
+
+    shapes: Shapes
+    core: Atlas
+    view: Atlas
+    index: Atlas
+    light: Atlas | None
+
+
+def pack(name: str, tables: Tables) -> PackedTables:
+    """Make the images of a model. Raises NacreError when its tables do not fit a texture.
+
+    Clusters of lights go across and clusters of views up in each of them, so that a cluster is one
+    fraction of the width or of the height whatever it is looked up in; so are a light's mixtures.
+    """
+    size = tables.size
+    blocks = {
+        "core": tables.core.reshape(*tables.core.shape[:2], -1, *tables.core.shape[4:]),
+        "view": tables.view.reshape(len(tables.view), 1, -1, size, size, 4),
+        "index": _indices(tables)[None, None],
+    }
+    if tables.light is not None:
+        light = np.moveaxis(tables.light, 2, 0)
+        blocks["light"] = light.reshape(*light.shape[:2], -1, size, size, 4)
+    atlases: dict[str, Atlas] = {}
+    try:
+        for part, array in blocks.items():
+            atlases[part] = make_atlas(f"{name} {part.title()}", array)
+    except Exception:
+        for atlas in atlases.values():
+            bpy.data.images.remove(atlas.image)
+        raise
+    return PackedTables(_shapes(tables), **{part: atlases.get(part) for part in ATLASES})
+
+
+def store(tree: bpy.types.ShaderNodeTree, packed: PackedTables) -> None:
+    """Keep what was packed with a node group; images that it kept before are removed.
+
+    Nodes without links hold the images: a property that points at them counts their users wrongly
+    in Blender 4.5.
+    """
+    before = [node.image for part in ATLASES if (node := _holder(tree, part)) is not None]
+    grids = {}
+    for part in ATLASES:
+        atlas, node = getattr(packed, part), _holder(tree, part)
+        if node is not None:
+            tree.nodes.remove(node)
+        if atlas is not None:
+            node = tree.nodes.new("ShaderNodeTexImage")
+            node.image, node.interpolation, node.hide = atlas.image, "Closest", True
+            node.name = node.label = _HOLDER + part.title()
+            node.location = (-400.0, -60.0 * len(grids))
+            grids[part] = atlas.across, atlas.up, atlas.columns, atlas.rows
+    kept = [getattr(packed, part).image for part in grids]
+    for image in before:
+        if image is not None and image not in kept:
+            bpy.data.images.remove(image)
+    tree[_SHAPES] = json.dumps({"shapes": asdict(packed.shapes), "grids": grids})
+
+
+def stored(tree: bpy.types.ShaderNodeTree) -> PackedTables:
+    """What `store` kept."""
+    kept = json.loads(tree[_SHAPES])
+    shapes = Shapes(**{**kept["shapes"], "clusters": tuple(kept["shapes"]["clusters"])})
+    atlases = {
+        part: Atlas(_holder(tree, part).image, *kept["grids"][part])
+        if part in kept["grids"]
+        else None
+        for part in ATLASES
+    }
+    return PackedTables(shapes, **atlases)
+
+
+def is_holder(node: bpy.types.Node) -> bool:
+    """Whether a node is there for what it holds, not as a part of the shader."""
+    return node.name.startswith(_HOLDER)
+
+
+def _holder(tree: bpy.types.ShaderNodeTree, part: str) -> bpy.types.Node | None:
+    return tree.nodes.get(_HOLDER + part.title())
+
+
+def is_packed(tree: bpy.types.NodeTree | None) -> bool:
+    """Whether a node group shows a model."""
+    return tree is not None and _SHAPES in tree
+
+
+def _shapes(tables: Tables) -> Shapes:
+    *clusters, rank, quads, height, width, _ = tables.core.shape
+    owners, channels, mixtures, light_quads = (0, 1, 1, 0)
+    if tables.light is not None:
+        owners, channels, mixtures, light_quads = tables.light.shape[:4]
+    return Shapes(
+        clusters=(clusters[0], clusters[1]),
+        light_rank=rank,
+        light_owners=owners,
+        light_mixtures=mixtures,
+        light_quads=light_quads,
+        view_owners=len(tables.view),
+        view_mixtures=tables.view.shape[1],
+        view_quads=quads,
+        channels=channels,
+        height=height,
+        width=width,
+        size=tables.size,
+    )
+
+
+def _indices(tables: Tables) -> np.ndarray:
+    """Where the clusters of lights, then of views, begin: (tiles, N, N, 4), four to a texel."""
+    tiles = []
+    indices = tables.light_index, tables.view_index
+    for index, count in zip(indices, tables.core.shape, strict=False):
+        filled = np.pad(index, [(0, -len(index) % 4), (0, 0), (0, 0)]) / np.float32(count)
+        tiles.append(filled.reshape(-1, 4, *index.shape[1:]).transpose(0, 2, 3, 1))
+    return np.concatenate(tiles).astype(np.float32)

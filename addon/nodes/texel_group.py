@@ -1,0 +1,106 @@
+"""The core at a point with its view contracted, in a shader tree."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import bpy
+
+from .graph import Graph, Wire
+from .lookups import Lookup
+from .packed_tables import PackedTables
+
+
+@dataclass(frozen=True)
+class Tap:
+    """One of the four texels round a point: texel numbers and bilinear weight."""
+
+    x: Wire
+    y: Wire
+    weight: Wire
+
+
+def taps(g: Graph, uv: Wire, height: int, width: int) -> list[Tap]:
+    """The four texels round a point of a patch that repeats."""
+    texels, weights = [], []
+    for coordinate, size in zip(g.separate(uv), (width, height), strict=False):
+        place = g.math("FRACT", coordinate) * float(size) - 0.5
+        corner = g.math("FLOOR", place)
+        along = place - corner
+        texels.append(
+            [g.math("FLOORED_MODULO", corner + float(step), float(size)) for step in (0, 1)]
+        )
+        weights.append([g.operate("SUBTRACT", 1.0, along), along])
+    return [
+        Tap(texels[0][ix], texels[1][iy], weights[0][ix] * weights[1][iy])
+        for iy in (0, 1)
+        for ix in (0, 1)
+    ]
+
+
+def contract_view(
+    g: Graph,
+    group: bpy.types.ShaderNodeTree,
+    packed: PackedTables,
+    around: Sequence[Tap],
+    operands: Sequence[Wire],
+) -> list[Wire]:
+    """The outputs of a texel group mixed over four texels; operands are as make_texel_group has
+    them after the place and the weight."""
+    across, up, _ = packed.core.scale
+    across, up = across / packed.shapes.width, up / packed.shapes.height
+    total: list[Wire] = []
+    for tap in around:
+        place = (tap.x + 0.5) * across, (tap.y + 0.5) * up
+        node = g.node("ShaderNodeGroup", node_tree=group)
+        for operand, socket in zip([*place, tap.weight, *operands], node.inputs, strict=True):
+            g.connect(operand, socket)
+        outputs = [Wire(g, output) for output in node.outputs]
+        total = [a + b for a, b in zip(total, outputs, strict=True)] if total else outputs
+    return total
+
+
+def make_texel_group(name: str, packed: PackedTables) -> bpy.types.ShaderNodeTree:
+    """The core at one texel: its place, a weight, where the light's cluster begins and those of the
+    view's mixtures, and their coefficients -> R_light numbers; for each mixture, where light rows
+    differ between them.
+
+    Four of these share one tree. Sums run as chains of Multiply Add on scalars, each started where
+    the last ended: Cycles keeps at most 255 live values, and inserts conversions between colours
+    and vectors only after all nodes that wait for nothing, which would hold every texel at once.
+    """
+    shapes = packed.shapes
+    rank, quads, mixtures = shapes.light_rank, shapes.view_quads, shapes.view_mixtures
+    count = rank * (mixtures if shapes.views_apart else 1)
+    tree = bpy.data.node_groups.new(name, "ShaderNodeTree")
+
+    def socket(label: str, in_out: str, kind: str) -> None:
+        tree.interface.new_socket(label, in_out=in_out, socket_type=f"NodeSocket{kind}")
+
+    for label in ("X", "Y", "Weight", "Light Cluster"):
+        socket(label, "INPUT", "Float")
+    for k in range(mixtures):
+        socket(f"View Cluster {k}", "INPUT", "Float")
+    for i in range(mixtures * quads * 4):
+        socket(f"Coefficient {i}", "INPUT", "Float")
+    for r in range(count):
+        socket(f"Reduced {r}", "OUTPUT", "Float")
+
+    g = Graph(tree)
+    inputs = [Wire(g, output) for output in g.node("NodeGroupInput").outputs[:-1]]
+    x, y, weight, light_cluster = inputs[:4]
+    view_clusters, coefficients = inputs[4 : 4 + mixtures], inputs[4 + mixtures :]
+    sums: list[Wire | float] = [0.0] * count
+    for k in range(mixtures):
+        core = Lookup(g, packed.core, x + light_cluster, y + view_clusters[k])
+        base = rank * k if shapes.views_apart else 0
+        for q in range(quads):
+            first = 4 * (k * quads + q)
+            weighted = [c * weight for c in coefficients[first : first + 4]]
+            for r in range(rank):
+                values = core.fetch(r * quads + q)
+                for value, factor in zip(values, weighted, strict=True):
+                    sums[base + r] = g.math("MULTIPLY_ADD", value, factor, sums[base + r])
+    g.node("NodeGroupOutput", *sums)
+    return tree
