@@ -21,7 +21,16 @@ struct NacreShadowView { mat4 projection; };
 def surface_shader(
     btf: Constants | None, occlusion: Constants | None, shadow_size: int
 ) -> gpu.types.GPUShader:
-    """A shader for tables of these constants; `shadow_size` texels along a shadow map, 0 for none.
+    """A shader for tables of these constants; `shadow_size` texels along a shadow map, 0 for none."""
+    info, source = surface_info(btf, occlusion, shadow_size)
+    info.fragment_source(source + shader_text("surface.glsl"))
+    return compile_info(info)
+
+
+def surface_info(
+    btf: Constants | None, occlusion: Constants | None, shadow_size: int
+) -> tuple[gpu.types.GPUShaderCreateInfo, str]:
+    """A surface shader's description but for its fragments, and the text in front of their main.
 
     Push constants stay within the 128 bytes that every driver has.
     """
@@ -56,8 +65,7 @@ def surface_shader(
     info.vertex_out(between)
     info.fragment_out(0, "VEC4", "nacre_colour")
     info.vertex_source(shader_text("surface_vertex.glsl"))
-    info.fragment_source(source + shader_text("surface.glsl"))
-    return compile_info(info)
+    return info, source
 
 
 def depth_shader() -> gpu.types.GPUShader:
