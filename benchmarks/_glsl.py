@@ -63,7 +63,8 @@ void main()
     }
   }
 #endif
-  for (int i = 0; i < count; i++) {
+  int i = 0;
+  do {
     ivec2 texel = ivec2(nacre_lights[i].cone.xy);
 #if BTF_C_LIGHT == 1
     for (int channel = 0; channel < BTF_CHANNELS; channel++) {
@@ -91,7 +92,8 @@ void main()
       }
     }
 #endif
-  }
+    i++;
+  } while (i < count);
   nacre_colour = sum;
 }
 """

@@ -12,7 +12,7 @@
 
 #define TABLE_BLOCKS (TABLE_R_LIGHT * TABLE_VIEW_QUADS)
 
-/* Clusters of the direction at a texel of the parabolic map; 0 where a mode is not clustered. */
+/* Clusters of the direction at a texel of the parabolic map; 0 where the view is not clustered. */
 void TABLE_view_clusters(ivec2 texel, out int clusters[TABLE_K_VIEW])
 {
 #if TABLE_C_VIEW > 1
@@ -29,21 +29,17 @@ void TABLE_view_clusters(ivec2 texel, out int clusters[TABLE_K_VIEW])
 #endif
 }
 
+#if TABLE_C_LIGHT > 1
 void TABLE_light_clusters(ivec2 texel, out int clusters[TABLE_K_LIGHT])
 {
-#if TABLE_C_LIGHT > 1
   for (int quad = 0; quad < (TABLE_K_LIGHT + 3) / 4; quad++) {
     vec4 found = texelFetch(TABLE_light_index, ivec3(texel, quad), 0);
     for (int k = 4 * quad; k < min(4 * quad + 4, TABLE_K_LIGHT); k++) {
       clusters[k] = int(found[k - 4 * quad]);
     }
   }
-#else
-  for (int k = 0; k < TABLE_K_LIGHT; k++) {
-    clusters[k] = 0;
-  }
-#endif
 }
+#endif
 
 /* One quad of the core, filtered: `place` in texels of the layer. */
 vec4 TABLE_core_quad(int block, vec2 place)
@@ -77,11 +73,12 @@ vec4 TABLE_view_quad(int c_light, int k_view, int quad, ivec2 texel)
   return texelFetch(TABLE_view, ivec3(texel, layer), 0);
 }
 
-/* Where a point lies in one or two levels of the core. */
+/* Where a point lies in one or two levels of the core: places in texels of a layer, the finer first,
+ * and the coarser one's weight. */
 struct TABLE_Taps {
   int count;
-  vec2 place[2];
-  float weight[2];
+  vec4 place;
+  float coarse;
 };
 
 /* uv unwrapped, in patches, and its derivatives along the screen; 0 for the finest level alone.
@@ -95,59 +92,82 @@ TABLE_Taps TABLE_taps(vec2 uv, vec2 uv_dx, vec2 uv_dy)
   float texels = max(length(uv_dx * size), length(uv_dy * size));
   float level = clamp(log2(max(texels, 1e-6)), 0.0, float(TABLE_LEVELS - 1));
   int finer = int(level);
-  float coarse = level - float(finer);
   vec2 inside = fract(uv);
+  vec4 first = regions[finer];
+  vec4 second = regions[min(finer + 1, TABLE_LEVELS - 1)];
   TABLE_Taps taps;
-  taps.count = coarse > 0.0 ? 2 : 1;
-  for (int i = 0; i < 2; i++) {
-    vec4 region = regions[min(finer + i, TABLE_LEVELS - 1)];
-    taps.place[i] = region.xy + inside * region.zw;
-    taps.weight[i] = i == 0 ? 1.0 - coarse : coarse;
-  }
+  taps.coarse = level - float(finer);
+  taps.count = taps.coarse > 0.0 ? 2 : 1;
+  taps.place.xy = first.xy + inside * first.zw;
+  taps.place.zw = second.xy + inside * second.zw;
   return taps;
 }
 
-/* The core of a pair of clusters with the view contracted: the light's ranks 4 quad to 4 quad + 3. */
-vec4 TABLE_contract_view(
-    int c_light, int c_view, int quad, vec4 rows[TABLE_VIEW_QUADS], TABLE_Taps taps)
-{
-  int block = (c_light * TABLE_C_VIEW + c_view) * TABLE_BLOCKS + 4 * quad * TABLE_VIEW_QUADS;
-  vec4 reduced = vec4(0.0);
-  for (int t = 0; t < taps.count; t++) {
-    vec4 level = vec4(0.0);
-    for (int q = 0; q < TABLE_VIEW_QUADS; q++) {
-      level.x += dot(TABLE_core_quad(block + q, taps.place[t]), rows[q]);
-      if (4 * quad + 1 < TABLE_R_LIGHT) {
-        level.y += dot(TABLE_core_quad(block + TABLE_VIEW_QUADS + q, taps.place[t]), rows[q]);
-      }
-      if (4 * quad + 2 < TABLE_R_LIGHT) {
-        level.z += dot(TABLE_core_quad(block + 2 * TABLE_VIEW_QUADS + q, taps.place[t]), rows[q]);
-      }
-      if (4 * quad + 3 < TABLE_R_LIGHT) {
-        level.w += dot(TABLE_core_quad(block + 3 * TABLE_VIEW_QUADS + q, taps.place[t]), rows[q]);
-      }
-    }
-    reduced += taps.weight[t] * level;
-  }
-  return reduced;
-}
+/* Reduced vectors: one for all mixtures of the view where its clusters share the light's rows, else
+ * one for each. */
+#define TABLE_SETS (TABLE_LIGHT_OWNERS > 1 ? TABLE_K_VIEW : 1)
 
-/* What one view and one place have in common for all lights. Where lights are not clustered that is
- * the reduced vector itself: once, or once for each mixture whose clusters have their own light rows.
- */
-#if TABLE_C_LIGHT == 1
-#  define TABLE_SETS (TABLE_LIGHT_OWNERS > 1 ? TABLE_K_VIEW : 1)
-#endif
+struct TABLE_Reduced {
+  vec4 ranks[TABLE_SETS * TABLE_LIGHT_QUADS];
+};
 
 struct TABLE_Point {
   TABLE_Taps taps;
   ivec2 view;
   int clusters[TABLE_K_VIEW];
 #if TABLE_C_LIGHT == 1
-  vec4 reduced[TABLE_SETS * TABLE_LIGHT_QUADS];
+  TABLE_Reduced reduced;
 #endif
 };
 
+/* The core of one cluster of the light with the view contracted. The loop over levels is the
+ * outermost, as the only one whose length is not known to the compiler, and asks at its end: where
+ * pixels run side by side with masks (Mesa's llvmpipe), asking first costs one more round. */
+TABLE_Reduced TABLE_contract_view(TABLE_Point point, int c_light)
+{
+  vec4 rows[TABLE_K_VIEW * TABLE_VIEW_QUADS];
+  for (int k = 0; k < TABLE_K_VIEW; k++) {
+    for (int q = 0; q < TABLE_VIEW_QUADS; q++) {
+      rows[k * TABLE_VIEW_QUADS + q] = TABLE_view_quad(c_light, k, q, point.view);
+    }
+  }
+  TABLE_Reduced reduced;
+  for (int i = 0; i < TABLE_SETS * TABLE_LIGHT_QUADS; i++) {
+    reduced.ranks[i] = vec4(0.0);
+  }
+  int t = 0;
+  do {
+    vec2 place = t == 0 ? point.taps.place.xy : point.taps.place.zw;
+    float weight = t == 0 ? 1.0 - point.taps.coarse : point.taps.coarse;
+    for (int k = 0; k < TABLE_K_VIEW; k++) {
+      int block = (c_light * TABLE_C_VIEW + point.clusters[k]) * TABLE_BLOCKS;
+      int set = TABLE_SETS > 1 ? k * TABLE_LIGHT_QUADS : 0;
+      for (int quad = 0; quad < TABLE_LIGHT_QUADS; quad++) {
+        vec4 sum = vec4(0.0);
+        for (int q = 0; q < TABLE_VIEW_QUADS; q++) {
+          vec4 row = rows[k * TABLE_VIEW_QUADS + q];
+          int first = block + 4 * quad * TABLE_VIEW_QUADS + q;
+          sum.x += dot(TABLE_core_quad(first, place), row);
+          if (4 * quad + 1 < TABLE_R_LIGHT) {
+            sum.y += dot(TABLE_core_quad(first + TABLE_VIEW_QUADS, place), row);
+          }
+          if (4 * quad + 2 < TABLE_R_LIGHT) {
+            sum.z += dot(TABLE_core_quad(first + 2 * TABLE_VIEW_QUADS, place), row);
+          }
+          if (4 * quad + 3 < TABLE_R_LIGHT) {
+            sum.w += dot(TABLE_core_quad(first + 3 * TABLE_VIEW_QUADS, place), row);
+          }
+        }
+        reduced.ranks[set + quad] += weight * sum;
+      }
+    }
+    t++;
+  } while (t < point.taps.count);
+  return reduced;
+}
+
+/* What one view and one place have in common for all lights: where lights are not clustered, the
+ * reduced vector itself. */
 TABLE_Point TABLE_prepare(vec3 view, vec2 uv, vec2 uv_dx, vec2 uv_dy)
 {
   TABLE_Point point;
@@ -155,20 +175,7 @@ TABLE_Point TABLE_prepare(vec3 view, vec2 uv, vec2 uv_dx, vec2 uv_dy)
   point.view = nacre_parabolic_texel(view, TABLE_MAP);
   TABLE_view_clusters(point.view, point.clusters);
 #if TABLE_C_LIGHT == 1
-  for (int i = 0; i < TABLE_SETS * TABLE_LIGHT_QUADS; i++) {
-    point.reduced[i] = vec4(0.0);
-  }
-  for (int k = 0; k < TABLE_K_VIEW; k++) {
-    vec4 rows[TABLE_VIEW_QUADS];
-    for (int q = 0; q < TABLE_VIEW_QUADS; q++) {
-      rows[q] = TABLE_view_quad(0, k, q, point.view);
-    }
-    int set = TABLE_SETS > 1 ? k : 0;
-    for (int quad = 0; quad < TABLE_LIGHT_QUADS; quad++) {
-      point.reduced[set * TABLE_LIGHT_QUADS + quad] += TABLE_contract_view(
-          0, point.clusters[k], quad, rows, point.taps);
-    }
-  }
+  point.reduced = TABLE_contract_view(point, 0);
 #endif
   return point;
 }
@@ -189,36 +196,26 @@ vec3 TABLE_value(TABLE_Point point, vec3 light)
 {
   vec3 value = vec3(0.0);
   ivec2 texel = nacre_parabolic_texel(light, TABLE_MAP);
-#  if TABLE_C_LIGHT == 1
-  for (int set = 0; set < TABLE_SETS; set++) {
-    for (int quad = 0; quad < TABLE_LIGHT_QUADS; quad++) {
-      vec4 reduced = point.reduced[set * TABLE_LIGHT_QUADS + quad];
-      for (int channel = 0; channel < TABLE_CHANNELS; channel++) {
-        value[channel] += dot(
-            TABLE_light_quad(point.clusters[set], channel, 0, quad, texel), reduced);
-      }
-    }
-  }
-#  else
+#  if TABLE_C_LIGHT > 1
   int clusters[TABLE_K_LIGHT];
   TABLE_light_clusters(texel, clusters);
-  for (int kl = 0; kl < TABLE_K_LIGHT; kl++) {
-    for (int kv = 0; kv < TABLE_K_VIEW; kv++) {
-      vec4 rows[TABLE_VIEW_QUADS];
-      for (int q = 0; q < TABLE_VIEW_QUADS; q++) {
-        rows[q] = TABLE_view_quad(clusters[kl], kv, q, point.view);
-      }
+#  endif
+  for (int k = 0; k < TABLE_K_LIGHT; k++) {
+#  if TABLE_C_LIGHT > 1
+    TABLE_Reduced reduced = TABLE_contract_view(point, clusters[k]);
+#  else
+    TABLE_Reduced reduced = point.reduced;
+#  endif
+    for (int set = 0; set < TABLE_SETS; set++) {
       for (int quad = 0; quad < TABLE_LIGHT_QUADS; quad++) {
-        vec4 reduced = TABLE_contract_view(
-            clusters[kl], point.clusters[kv], quad, rows, point.taps);
+        vec4 ranks = reduced.ranks[set * TABLE_LIGHT_QUADS + quad];
         for (int channel = 0; channel < TABLE_CHANNELS; channel++) {
           value[channel] += dot(
-              TABLE_light_quad(point.clusters[kv], channel, kl, quad, texel), reduced);
+              TABLE_light_quad(point.clusters[set], channel, k, quad, texel), ranks);
         }
       }
     }
   }
-#  endif
 #  if TABLE_CHANNELS == 1
   value = value.xxx;
 #  endif
@@ -235,7 +232,7 @@ vec3 TABLE_value(TABLE_Point point, vec3 light)
 /* Occlusion: the reduced vector's one number, a mask or a signed distance. */
 float TABLE_occlusion(TABLE_Point point)
 {
-  return point.reduced[0].x * TABLE_scale;
+  return point.reduced.ranks[0].x * TABLE_scale;
 }
 
 #endif

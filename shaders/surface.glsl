@@ -73,13 +73,11 @@ void main()
   shade = base * nacre_camera.world.rgb;
 #endif
   int count = int(nacre_camera.world.w);
-  for (int i = 0; i < count; i++) {
+  int i = 0;
+  do { /* asks at its end, as evaluate.glsl explains; a light of a scene without any is black */
     vec3 radiance;
     vec3 direction = nacre_light_at(nacre_lights[i], nacre_position, radiance);
     vec3 light = direction * frame;
-    if (light.z <= 0.0) {
-      continue;
-    }
 #ifdef NACRE_SHADOWS
     if (nacre_lights[i].axis.w >= 0.0) {
       radiance *= nacre_shadow(nacre_lights[i], nacre_position, frame[2]);
@@ -88,8 +86,9 @@ void main()
 #ifdef NACRE_BTF
     shade += radiance * BTF_value(point, light);
 #else
-    shade += radiance * base * light.z;
+    shade += radiance * base * max(light.z, 0.0);
 #endif
-  }
+    i++;
+  } while (i < count);
   nacre_colour = vec4(shade * alpha, alpha);
 }
