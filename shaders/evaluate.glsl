@@ -108,7 +108,7 @@ TABLE_Taps TABLE_taps(vec2 uv, vec2 uv_dx, vec2 uv_dy)
 #define TABLE_SETS (TABLE_LIGHT_OWNERS > 1 ? TABLE_K_VIEW : 1)
 
 struct TABLE_Reduced {
-  vec4 ranks[TABLE_SETS * TABLE_LIGHT_QUADS];
+  vec4 ranks[TABLE_K_LIGHT * TABLE_SETS * TABLE_LIGHT_QUADS];
 };
 
 struct TABLE_Point {
@@ -120,32 +120,35 @@ struct TABLE_Point {
 #endif
 };
 
-/* The core of one cluster of the light with the view contracted. The loop over levels is the
- * outermost, as the only one whose length is not known to the compiler, and asks at its end: where
- * pixels run side by side with masks (Mesa's llvmpipe), asking first costs one more round. */
-TABLE_Reduced TABLE_contract_view(TABLE_Point point, int c_light)
+/* The core of a light's clusters with the view contracted. The loop over levels is the outermost, as
+ * the only one whose length is not known to the compiler, and asks at its end: where pixels run side
+ * by side with masks (Mesa's llvmpipe), asking first costs one more round. */
+TABLE_Reduced TABLE_contract_view(TABLE_Point point, int lights[TABLE_K_LIGHT])
 {
-  vec4 rows[TABLE_K_VIEW * TABLE_VIEW_QUADS];
-  for (int k = 0; k < TABLE_K_VIEW; k++) {
+  vec4 rows[TABLE_K_LIGHT * TABLE_K_VIEW * TABLE_VIEW_QUADS];
+  for (int i = 0; i < TABLE_K_LIGHT * TABLE_K_VIEW; i++) {
     for (int q = 0; q < TABLE_VIEW_QUADS; q++) {
-      rows[k * TABLE_VIEW_QUADS + q] = TABLE_view_quad(c_light, k, q, point.view);
+      int owner = lights[i / TABLE_K_VIEW];
+      rows[i * TABLE_VIEW_QUADS + q] = TABLE_view_quad(owner, i % TABLE_K_VIEW, q, point.view);
     }
   }
   TABLE_Reduced reduced;
-  for (int i = 0; i < TABLE_SETS * TABLE_LIGHT_QUADS; i++) {
+  for (int i = 0; i < TABLE_K_LIGHT * TABLE_SETS * TABLE_LIGHT_QUADS; i++) {
     reduced.ranks[i] = vec4(0.0);
   }
   int t = 0;
   do {
     vec2 place = t == 0 ? point.taps.place.xy : point.taps.place.zw;
     float weight = t == 0 ? 1.0 - point.taps.coarse : point.taps.coarse;
-    for (int k = 0; k < TABLE_K_VIEW; k++) {
-      int block = (c_light * TABLE_C_VIEW + point.clusters[k]) * TABLE_BLOCKS;
-      int set = TABLE_SETS > 1 ? k * TABLE_LIGHT_QUADS : 0;
+    for (int i = 0; i < TABLE_K_LIGHT * TABLE_K_VIEW; i++) {
+      int kl = i / TABLE_K_VIEW;
+      int kv = i % TABLE_K_VIEW;
+      int block = (lights[kl] * TABLE_C_VIEW + point.clusters[kv]) * TABLE_BLOCKS;
+      int set = (kl * TABLE_SETS + (TABLE_SETS > 1 ? kv : 0)) * TABLE_LIGHT_QUADS;
       for (int quad = 0; quad < TABLE_LIGHT_QUADS; quad++) {
         vec4 sum = vec4(0.0);
         for (int q = 0; q < TABLE_VIEW_QUADS; q++) {
-          vec4 row = rows[k * TABLE_VIEW_QUADS + q];
+          vec4 row = rows[i * TABLE_VIEW_QUADS + q];
           int first = block + 4 * quad * TABLE_VIEW_QUADS + q;
           sum.x += dot(TABLE_core_quad(first, place), row);
           if (4 * quad + 1 < TABLE_R_LIGHT) {
@@ -175,7 +178,11 @@ TABLE_Point TABLE_prepare(vec3 view, vec2 uv, vec2 uv_dx, vec2 uv_dy)
   point.view = nacre_parabolic_texel(view, TABLE_MAP);
   TABLE_view_clusters(point.view, point.clusters);
 #if TABLE_C_LIGHT == 1
-  point.reduced = TABLE_contract_view(point, 0);
+  int lights[TABLE_K_LIGHT];
+  for (int k = 0; k < TABLE_K_LIGHT; k++) {
+    lights[k] = 0;
+  }
+  point.reduced = TABLE_contract_view(point, lights);
 #endif
   return point;
 }
@@ -199,20 +206,17 @@ vec3 TABLE_value(TABLE_Point point, vec3 light)
 #  if TABLE_C_LIGHT > 1
   int clusters[TABLE_K_LIGHT];
   TABLE_light_clusters(texel, clusters);
-#  endif
-  for (int k = 0; k < TABLE_K_LIGHT; k++) {
-#  if TABLE_C_LIGHT > 1
-    TABLE_Reduced reduced = TABLE_contract_view(point, clusters[k]);
+  TABLE_Reduced reduced = TABLE_contract_view(point, clusters);
 #  else
-    TABLE_Reduced reduced = point.reduced;
+  TABLE_Reduced reduced = point.reduced;
 #  endif
-    for (int set = 0; set < TABLE_SETS; set++) {
-      for (int quad = 0; quad < TABLE_LIGHT_QUADS; quad++) {
-        vec4 ranks = reduced.ranks[set * TABLE_LIGHT_QUADS + quad];
-        for (int channel = 0; channel < TABLE_CHANNELS; channel++) {
-          value[channel] += dot(
-              TABLE_light_quad(point.clusters[set], channel, k, quad, texel), ranks);
-        }
+  for (int i = 0; i < TABLE_K_LIGHT * TABLE_SETS; i++) {
+    int owner = point.clusters[i % TABLE_SETS];
+    for (int quad = 0; quad < TABLE_LIGHT_QUADS; quad++) {
+      vec4 ranks = reduced.ranks[i * TABLE_LIGHT_QUADS + quad];
+      for (int channel = 0; channel < TABLE_CHANNELS; channel++) {
+        value[channel] += dot(
+            TABLE_light_quad(owner, channel, i / TABLE_SETS, quad, texel), ranks);
       }
     }
   }
