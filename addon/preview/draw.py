@@ -53,85 +53,93 @@ class Resources:
 
 
 @dataclass(frozen=True)
-class Drawn:
-    """What the picture was made of, for the engine's status line."""
+class Item:
+    """Triangles of one material, at a place in the world."""
 
-    lights: int
-    bytes: int
-    messages: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class _Item:
     batch: gpu.types.GPUBatch
     matrix: Matrix
     appearance: Appearance
 
 
-def draw_scene(
+@dataclass(frozen=True)
+class Prepared:
+    """What is the same in all views of a scene; `messages` are for the engine's status line."""
+
+    items: tuple[Item, ...]
+    world: tuple[float, float, float]
+    lights: int
+    blocks: dict[str, gpu.types.GPUUniformBuf]
+    shadow_maps: gpu.types.GPUTexture | None
+    messages: tuple[str, ...]
+
+
+def prepare(
     depsgraph: bpy.types.Depsgraph,
-    view: View,
     resources: Resources,
     appearance_of: Callable[[bpy.types.Material | None], Appearance],
-) -> Drawn:
-    """Draw what a depsgraph holds: opaque surfaces, then what is partly visible (Section 6.3.3).
+) -> Prepared:
+    """Read what a depsgraph holds and draw the lights' shadow maps, into frame buffers of their own.
 
-    Depth must be cleared. Colours are linear, with premultiplied alpha.
-    Raises NacreError when tables do not fit textures.
+    To be called where no other frame buffer is bound.
     """
-    items, bounds = [], []
-    for item, box in _items(depsgraph, resources, appearance_of):
-        items.append(item)
-        bounds.append(box)
+    found = list(_items(depsgraph, resources, appearance_of))
+    items = tuple(item for item, _ in found)
     lights = scene_lights(depsgraph)
     messages = sorted({item.appearance.message for item in items} - {""})
     if len(lights) > LIGHTS:
         messages.append(f"{len(lights)} lights: the first {LIGHTS} are drawn")
         lights = lights[:LIGHTS]
-    extent = np.stack([np.min(bounds, 0)[0], np.max(bounds, 0)[1]]) if bounds else np.zeros((2, 3))
-    screen = gpu.state.active_framebuffer_get()
-    window = gpu.state.viewport_get()
+    boxes = np.array([box for _, box in found]) if found else np.zeros((1, 2, 3))
     shadows = draw_shadow_maps(
         lights,
         [(item.batch, item.matrix) for item in items],
-        extent,
+        np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)]),
         _shader(resources, "depth", depth_shader),
     )
-    screen.bind()
-    gpu.state.viewport_set(*window)
-
-    buffers = {
-        "nacre_camera": _uniforms(
-            np.array(view.projection).T,
-            view.viewer,
-            (*world_colour(depsgraph.scene.world), float(len(lights))),
-        ),
-        "nacre_lights": _uniforms(light_rows(lights, shadows.layers, shadows.texels)),
-    }
+    blocks = {"nacre_lights": _uniforms(light_rows(lights, shadows.layers, shadows.texels))}
     if shadows.maps is not None:
-        buffers["nacre_shadow_views"] = _uniforms(shadows.views)
-    size = SIZE if shadows.maps is not None else 0
+        blocks["nacre_shadow_views"] = _uniforms(shadows.views)
+    _forget_tables(resources, items)
+    return Prepared(
+        items,
+        world_colour(depsgraph.scene.world),
+        len(lights),
+        blocks,
+        shadows.maps,
+        tuple(messages),
+    )
 
-    def draw(item: _Item, blended: bool) -> None:
-        _draw_item(item, blended, buffers, shadows.maps, size, resources)
 
+def draw(scene: Prepared, view: View, resources: Resources) -> None:
+    """Draw into the bound frame buffer: opaque surfaces, then what is partly visible (K-CTA, Section
+    6.3.3).
+
+    Depth must be cleared. Colours are linear, with premultiplied alpha.
+    Raises NacreError when tables do not fit textures.
+    """
+    camera = _uniforms(
+        np.array(view.projection).T, view.viewer, (*scene.world, float(scene.lights))
+    )
+    blocks = {"nacre_camera": camera, **scene.blocks}
     gpu.state.depth_test_set("LESS_EQUAL")
     gpu.state.depth_mask_set(True)
     gpu.state.blend_set("NONE")
-    for item in items:
-        draw(item, False)
+    for item in scene.items:
+        _draw_item(item, False, blocks, scene.shadow_maps, resources)
     gpu.state.depth_mask_set(False)
     gpu.state.blend_set("ALPHA_PREMULT")
-    for item in items:
+    for item in scene.items:
         if item.appearance.occlusion is not None:
-            draw(item, True)
+            _draw_item(item, True, blocks, scene.shadow_maps, resources)
     gpu.state.depth_mask_set(True)
     gpu.state.blend_set("NONE")
     gpu.state.depth_test_set("NONE")
     let_go()
-    _forget_tables(resources, items)
-    used = sum(kept.bytes for _, kept in resources.tables.values())
-    return Drawn(len(lights), used, tuple(messages))
+
+
+def table_bytes(resources: Resources) -> int:
+    """What tables take on the graphics card."""
+    return sum(kept.bytes for _, kept in resources.tables.values())
 
 
 def world_colour(world: bpy.types.World | None) -> tuple[float, float, float]:
@@ -149,7 +157,7 @@ def _items(
     depsgraph: bpy.types.Depsgraph,
     resources: Resources,
     appearance_of: Callable[[bpy.types.Material | None], Appearance],
-) -> Iterator[tuple[_Item, np.ndarray]]:
+) -> Iterator[tuple[Item, np.ndarray]]:
     """The batches of all objects, each with its bounding box (2, 3) in the world."""
     for instance in depsgraph.object_instances:
         item = instance.object
@@ -167,7 +175,7 @@ def _items(
         for slot, batch in mesh.batches:
             slots = item.material_slots
             material = slots[min(slot, len(slots) - 1)].material if len(slots) else None
-            yield _Item(batch, matrix, appearance_of(material)), box
+            yield Item(batch, matrix, appearance_of(material)), box
 
 
 def _corner(bounds: np.ndarray, number: int) -> tuple[float, ...]:
@@ -175,13 +183,13 @@ def _corner(bounds: np.ndarray, number: int) -> tuple[float, ...]:
 
 
 def _draw_item(
-    item: _Item,
+    item: Item,
     blended: bool,
-    buffers: dict[str, gpu.types.GPUUniformBuf],
+    blocks: dict[str, gpu.types.GPUUniformBuf],
     shadow_maps: gpu.types.GPUTexture | None,
-    shadow_size: int,
     resources: Resources,
 ) -> None:
+    shadow_size = SIZE if shadow_maps is not None else 0
     appearance = item.appearance
     sets = {
         name: tables
@@ -201,8 +209,8 @@ def _draw_item(
         for texture, held in uploaded.textures.items():
             shader.uniform_sampler(f"{name}_{texture}", held)
         shader.uniform_float(f"{name}_scale", uploaded.scale)
-    for name, buffer in buffers.items():
-        shader.uniform_block(name, buffer)
+    for name, block in blocks.items():
+        shader.uniform_block(name, block)
     if shadow_maps is not None:
         shader.uniform_sampler("nacre_shadow_maps", shadow_maps)
     shader.uniform_float("nacre_object", item.matrix)
@@ -228,7 +236,7 @@ def _uploaded(resources: Resources, tables) -> TableTextures:
     return resources.tables[id(tables)][1]
 
 
-def _forget_tables(resources: Resources, items: list[_Item]) -> None:
+def _forget_tables(resources: Resources, items: tuple[Item, ...]) -> None:
     """Give back the textures of models that the scene no longer shows."""
     shown = {
         id(tables)

@@ -8,7 +8,7 @@ from gpu_extras.presets import draw_texture_2d
 
 from ..errors import NacreError
 from .appearance import appearance_of, final_appearance_of
-from .draw import Resources, View, draw_scene
+from .draw import Prepared, Resources, View, draw, prepare, table_bytes
 from .picture import background, camera_picture
 
 
@@ -28,12 +28,12 @@ class NACRE_RE_engine(bpy.types.RenderEngine):
         scale = render.resolution_percentage / 100.0
         size = max(1, int(render.resolution_x * scale)), max(1, int(render.resolution_y * scale))
         try:
-            pixels, drawn = camera_picture(depsgraph, size, appearance=final_appearance_of)
+            pixels, messages = camera_picture(depsgraph, size, appearance=final_appearance_of)
         except NacreError as error:
             self.report({"ERROR"}, str(error))
             self.error_set(str(error))
             return
-        for message in drawn.messages:
+        for message in messages:
             self.report({"WARNING"}, message)
         result = self.begin_result(0, 0, *size)
         result.layers[0].passes["Combined"].rect.foreach_set(pixels.ravel())
@@ -53,14 +53,16 @@ class NACRE_RE_engine(bpy.types.RenderEngine):
         """Draw the viewport."""
         region, space = context.region, context.region_data
         view = View.of(space.view_matrix, space.window_matrix)
+        resources = self._resources()
         screen = gpu.types.GPUOffScreen(region.width, region.height, format="RGBA16F")
         try:
+            prepared = prepare(depsgraph, resources, appearance_of)
             with screen.bind():
                 gpu.state.active_framebuffer_get().clear(
                     color=background(depsgraph.scene), depth=1.0
                 )
-                drawn = draw_scene(depsgraph, view, self._resources(), appearance_of)
-            self.update_stats("Nacre", "; ".join((status(drawn), *drawn.messages)))
+                draw(prepared, view, resources)
+            self.update_stats("Nacre", "; ".join((status(prepared, resources), *prepared.messages)))
             self.bind_display_space_shader(depsgraph.scene)
             gpu.state.blend_set("ALPHA_PREMULT")
             draw_texture_2d(screen.texture_color, (0, 0), region.width, region.height)
@@ -78,6 +80,6 @@ class NACRE_RE_engine(bpy.types.RenderEngine):
         return self.kept
 
 
-def status(drawn) -> str:
+def status(scene: Prepared, resources: Resources) -> str:
     """What the picture took, for the viewport's corner."""
-    return f"{drawn.lights} lights, {drawn.bytes / 1e6:.1f} MB of tables on the graphics card"
+    return f"{scene.lights} lights, {table_bytes(resources) / 1e6:.1f} MB of tables on the GPU"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..errors import NacreError
 from .appearance import Appearance, appearance_of
 from .context import need_gpu
-from .draw import Drawn, Resources, View, draw_scene, world_colour
+from .draw import Resources, View, draw, prepare, world_colour
 
 SAMPLES = 8
 """Pictures that are averaged against jagged edges."""
@@ -24,8 +24,8 @@ def camera_picture(
     size: tuple[int, int],
     samples: int = SAMPLES,
     appearance: Callable[[bpy.types.Material | None], Appearance] = appearance_of,
-) -> tuple[NDArray[np.float32], Drawn]:
-    """Linear pixels (height, width, 4) with premultiplied alpha, bottom row first.
+) -> tuple[NDArray[np.float32], tuple[str, ...]]:
+    """Linear pixels (height, width, 4) with premultiplied alpha, bottom row first; and messages.
 
     Raises NacreError without a GPU or a camera.
     """
@@ -36,19 +36,19 @@ def camera_picture(
     width, height = size
     resources = Resources()
     total = np.zeros((height, width, 4), np.float32)
+    prepared = prepare(depsgraph, resources, appearance)
     screen = gpu.types.GPUOffScreen(width, height, format="RGBA32F")
     try:
         with screen.bind():
             buffer = gpu.state.active_framebuffer_get()
             for place in sample_places(samples):
                 buffer.clear(color=background(scene), depth=1.0)
-                view = camera_view(depsgraph, size, place)
-                drawn = draw_scene(depsgraph, view, resources, appearance)
+                draw(prepared, camera_view(depsgraph, size, place), resources)
                 pixels = buffer.read_color(0, 0, width, height, 4, 0, "FLOAT")
                 total += np.array(pixels, np.float32).reshape(height, width, 4)
     finally:
         screen.free()
-    return total / samples, drawn
+    return total / samples, prepared.messages
 
 
 def background(scene: bpy.types.Scene) -> tuple[float, float, float, float]:

@@ -11,6 +11,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from .lights import POINT, SUN, Light
+from .shader import let_go
 from .surface_shader import SHADOW_VIEWS
 
 SIZE = 1024
@@ -66,6 +67,7 @@ def draw_shadow_maps(
             for batch, matrix in casters:
                 shader.uniform_float("nacre_projection", view @ matrix)
                 batch.draw(shader)
+    let_go()
     return ShadowMaps(maps, packed, layers, texels)
 
 

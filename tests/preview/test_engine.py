@@ -86,14 +86,14 @@ def test_placeholder_is_a_grey_checker(scene):
     from addon.preview.picture import camera_picture
 
     scene.view_layers[0].update()
-    pixels, drawn = camera_picture(
+    pixels, messages = camera_picture(
         scene.view_layers[0].depsgraph,
         (16, 12),
         1,
         lambda _material: Appearance(base=(0.4, 0.4, 0.4), message="Grey: gone.exr: no such file"),
     )
     inside = pixels[4:8, 6:10, :3]
-    assert drawn.messages == ("Grey: gone.exr: no such file",)
+    assert messages == ("Grey: gone.exr: no such file",)
     assert inside.std() > 0.05
     np.testing.assert_array_equal(inside[..., 0], inside[..., 1])
 
