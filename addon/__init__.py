@@ -8,9 +8,12 @@ def register() -> None:
     import bpy
 
     from . import live, operators, panels, properties
+    from .preview import engine, standard_panels
 
     for cls in (*properties.CLASSES, *operators.CLASSES, *panels.CLASSES):
         bpy.utils.register_class(cls)
+    bpy.utils.register_class(engine.NACRE_RE_engine)
+    standard_panels.add(engine.NACRE_RE_engine.bl_idname)
     bpy.types.Scene.nacre = bpy.props.PointerProperty(type=properties.NACRE_PG_scene)
     bpy.types.Material.nacre = bpy.props.PointerProperty(type=properties.NACRE_PG_material)
     live.register()
@@ -30,6 +33,7 @@ def unregister() -> None:
     import bpy
 
     from . import jobs, live, operators, panels, properties
+    from .preview import engine, standard_panels
 
     jobs.stop()
     live.unregister()
@@ -39,5 +43,7 @@ def unregister() -> None:
     bpy.types.TOPBAR_MT_file_import.remove(operators.draw_import_menu)
     del bpy.types.Material.nacre
     del bpy.types.Scene.nacre
+    standard_panels.remove(engine.NACRE_RE_engine.bl_idname)
+    bpy.utils.unregister_class(engine.NACRE_RE_engine)
     for cls in reversed((*properties.CLASSES, *operators.CLASSES, *panels.CLASSES)):
         bpy.utils.unregister_class(cls)
