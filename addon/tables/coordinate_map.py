@@ -184,9 +184,8 @@ def _corrected(found: Coordinates, vectors: Vectors, alike: Coordinates, step: i
     # Coherent texels are preferred: they hold what is finer than the level.
     cost = np.tile([1.0, *[_INCOHERENT] * (alike.shape[2] - 1)], len(_AROUND)).astype(np.float32)
     for start in ((0, 0), (1, 1), (0, 1), (1, 0)):
-        grid = np.stack(
-            [part[start[0] :: 2, start[1] :: 2].ravel() for part in np.indices(size)], 1
-        )
+        y, x = np.mgrid[start[0] : size[0] : 2, start[1] : size[1] : 2]
+        grid = np.stack([y.ravel(), x.ravel()], 1)
 
         def at(offsets: NDArray[np.intp], grid: Coordinates = grid) -> Coordinates:
             y, x = np.moveaxis((grid[:, None] + offsets) % size, -1, 0)
