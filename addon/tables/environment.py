@@ -139,21 +139,26 @@ def integrate_environment(
     the horizon of each frame, times the light row of its texel. (n, owners, channels, C_light,
     R_light)."""
     height, width, channels = radiance.shape
-    directions = picture_directions(height, width).reshape(-1, 3)
+    directions = picture_directions(height, width).reshape(-1, 3).astype(np.float32)
     power = (radiance * solid_angles(height, width)[:, None, None] / pi).reshape(-1, channels)
     rows = light_rows(tables, texel_directions(tables.size).reshape(-1, 3))
-    rows = rows.transpose(1, 3, 2, 4, 0)  # (channel, owner, C_light, R, texel)
-    found = []
-    for frame in np.asarray(frames):
-        local = directions @ frame.T
-        above = local[:, 2] > 0.0
-        column, row = texel_of(local[above], tables.size).T
-        texel = row * tables.size + column
-        received = [np.bincount(texel, p[above], tables.size**2) for p in power.T]
-        found.append(
-            [rows[min(c, len(rows) - 1)] @ p.astype(np.float32) for c, p in enumerate(received)]
-        )
-    return np.moveaxis(np.array(found), 1, 2)
+    _, own, clusters, owners, rank = rows.shape
+    rows = rows.transpose(1, 3, 2, 4, 0).reshape(own, -1, len(rows))
+    vectors = np.empty((len(frames), channels, owners, clusters, rank), np.float32)
+    for first in range(0, len(frames), 16):
+        part = np.asarray(frames, np.float32)[first : first + 16]
+        received = np.zeros((channels, len(part), tables.size**2), np.float32)
+        for number, frame in enumerate(part):
+            local = directions @ frame.T
+            above = local[:, 2] > 0.0
+            column, row = texel_of(local[above], tables.size).T
+            texel = row * tables.size + column
+            for channel, values in enumerate(power.T):
+                received[channel, number] = np.bincount(texel, values[above], tables.size**2)
+        for channel, texels in enumerate(received):
+            found = texels @ rows[min(channel, own - 1)].T
+            vectors[first : first + 16, channel] = found.reshape(-1, owners, clusters, rank)
+    return np.moveaxis(vectors, 1, 2)
 
 
 def integrated_points(

@@ -12,7 +12,7 @@ from .evaluate import light_rows
 from .tables import Tables
 from .world_picture import picture_directions, solid_angles
 
-_STEP = 0.121
+STEP = 0.121
 """Radians between lobes, half of that between the closest measured lights; closer ones brought the
 vectors no nearer to the integral."""
 
@@ -41,13 +41,13 @@ class LightLobes:
     sharpness: float
 
 
-def light_lobes(tables: Tables) -> LightLobes:
+def light_lobes(tables: Tables, step: float = STEP) -> LightLobes:
     """The least-squares fit of a BTF's light rows, over the sphere and zero below the horizon.
 
-    ValueError for tables of occlusion.
+    `step` is the angle between lobes in radians. ValueError for tables of occlusion.
     """
-    centres = _centres(_STEP)
-    sharpness = _WIDTH / _STEP**2
+    centres = _centres(step)
+    sharpness = _WIDTH / step**2
     height, width = 90, 180
     directions = picture_directions(height, width).reshape(-1, 3)
     weights = np.repeat(solid_angles(height, width), width)
