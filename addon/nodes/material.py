@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import bpy
 from mathutils import Vector
 
+from ..tables.environment import EnvironmentTable
 from ..tables.tables import Tables
 from .frame_group import frame_group
 from .graph import Graph
@@ -13,6 +16,7 @@ from .model_group import (
     lights_of,
     make_model_group,
     remove_model_group,
+    show_environment,
     show_lights,
     show_tables,
 )
@@ -62,6 +66,18 @@ def set_tables(material: bpy.types.Material, tables: Tables) -> None:
     """Show other tables in place: what is linked to the material's nodes stays."""
     group = group_of(material)
     show_tables(group, pack(group.name, tables), lights_of(group))
+
+
+def set_environment(
+    material: bpy.types.Material,
+    tables: Sequence[EnvironmentTable | None],
+    world: str = "",
+    mapping: str = "",
+) -> None:
+    """Light a material by a world, too: a table for each of `groups_of` it, or None for none. The
+    node `mapping` of the world turns it."""
+    for group, table in zip(groups_of(material), tables, strict=True):
+        show_environment(group, table, world, mapping)
 
 
 def set_final_tables(material: bpy.types.Material, tables: Tables | None) -> None:
