@@ -30,5 +30,6 @@ class NACRE_PT_active_material(SidebarPanel, bpy.types.Panel):
         row.operator("nacre.light_by_world", icon="WORLD")
         row.operator("nacre.light_by_world", text="", icon="X").remove = True
         layout.prop(material.nacre, "model")
+        layout.prop(material.nacre, "occlusion", placeholder="None")
         layout.prop(material.nacre, "final_model", placeholder="Same")
         draw_step(layout, "nacre.update_material", "FILE_REFRESH")
