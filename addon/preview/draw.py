@@ -78,7 +78,7 @@ def prepare(
     resources: Resources,
     appearance_of: Callable[[bpy.types.Material | None], Appearance],
 ) -> Prepared:
-    """Read what a depsgraph holds and draw the lights' shadow maps, into frame buffers of their own.
+    """Read what a depsgraph holds and draw the lights' shadow maps.
 
     To be called where no other frame buffer is bound.
     """
@@ -111,8 +111,8 @@ def prepare(
 
 
 def draw(scene: Prepared, view: View, resources: Resources) -> None:
-    """Draw into the bound frame buffer: opaque surfaces, then what is partly visible (K-CTA, Section
-    6.3.3).
+    """Draw into the bound frame buffer: opaque surfaces, then what is partly visible (K-CTA,
+    Section 6.3.3).
 
     Depth must be cleared. Colours are linear, with premultiplied alpha.
     Raises NacreError when tables do not fit textures.
