@@ -34,17 +34,18 @@ class Atlas:
         """The size of one tile in the image's texture coordinates."""
         return 1.0 / (self.across * self.columns), 1.0 / (self.up * self.rows), 0.0
 
-    def offset(self, tile: int) -> tuple[float, float, float]:
-        """Where a tile begins within its block."""
-        row, column = divmod(tile, self.columns)
-        return column * self.scale[0], row * self.scale[1], 0.0
-
 
 def make_atlas(name: str, blocks: NDArray[np.float32]) -> Atlas:
     """Lay out blocks (across, up, tiles, Y, X, 4) in a packed image.
 
     Raises NacreError when that does not fit the largest texture.
     """
+    pixels, columns, rows = lay_out(name, blocks)
+    return Atlas(make_image(name, pixels), *blocks.shape[:2], columns, rows)
+
+
+def lay_out(name: str, blocks: NDArray[np.float32]) -> tuple[NDArray[np.float32], int, int]:
+    """The pixels of make_atlas, and the columns and rows of tiles in a block."""
     across, up, tiles, height, width, _ = blocks.shape
     # Tiles of a block form the rectangle that makes the whole as square as it can be.
     columns = max(1, min(tiles, round(sqrt(tiles * height * up / (width * across)))))
@@ -62,7 +63,7 @@ def make_atlas(name: str, blocks: NDArray[np.float32]) -> Atlas:
     pixels = grid.transpose(1, 2, 4, 0, 3, 5, 6).reshape(
         up * rows * height, across * columns * width, 4
     )
-    return Atlas(make_image(name, pixels), across, up, columns, rows)
+    return pixels, columns, rows
 
 
 def make_image(name: str, pixels: NDArray[np.float32]) -> bpy.types.Image:

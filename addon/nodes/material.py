@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import bpy
+from mathutils import Vector
 
 from ..tables.tables import Tables
 from .frame_group import frame_group
 from .graph import Graph
 from .light_set import Owner, bring_up_to_date, light_set
-from .model_group import lights_of, make_model_group, show_lights, show_tables
+from .model_group import (
+    lights_of,
+    make_model_group,
+    remove_model_group,
+    show_lights,
+    show_tables,
+)
 from .packed_tables import is_packed, pack
 
 MODEL_NODE = "Nacre Model"
+FINAL_NODE = "Nacre Final Model"
 
 
 def material_from_tables(
@@ -56,11 +64,52 @@ def set_tables(material: bpy.types.Material, tables: Tables) -> None:
     show_tables(group, pack(group.name, tables), lights_of(group))
 
 
+def set_final_tables(material: bpy.types.Material, tables: Tables | None) -> None:
+    """Tables that take the place of others while a final render runs; None for the same ones.
+
+    They wait in a node without links.
+    """
+    nodes = material.node_tree.nodes
+    node = nodes.get(FINAL_NODE)
+    if tables is None:
+        if node is not None:
+            remove_model_group(node.node_tree)
+            nodes.remove(node)
+    elif node is not None:
+        show_tables(node.node_tree, pack(node.node_tree.name, tables), lights_of(node.node_tree))
+    else:
+        name = f"{group_of(material).name} Final"
+        node = nodes.new("ShaderNodeGroup")
+        node.node_tree = make_model_group(name, pack(name, tables), lights_of(group_of(material)))
+        node.name = node.label = FINAL_NODE
+        node.location = nodes[MODEL_NODE].location - Vector((0.0, 300.0))
+
+
+def swap_final(material: bpy.types.Material) -> None:
+    """Let the waiting tables and the shown ones change places."""
+    nodes = material.node_tree.nodes
+    final, shown = nodes.get(FINAL_NODE), nodes[MODEL_NODE]
+    if final is not None:
+        final.node_tree, shown.node_tree = shown.node_tree, final.node_tree
+
+
 def set_lights(material: bpy.types.Material, owner: Owner) -> None:
     """Light a Nacre material by the lights that a scene or collection has now."""
     lights = light_set(owner)
     bring_up_to_date(lights)
-    show_lights(group_of(material), lights)
+    for group in groups_of(material):
+        show_lights(group, lights)
+
+
+def groups_of(material: bpy.types.Material) -> list[bpy.types.ShaderNodeTree]:
+    """The node groups of a material's models: the shown one and the final one."""
+    nodes = (material.node_tree.nodes.get(name) for name in (MODEL_NODE, FINAL_NODE))
+    return [node.node_tree for node in nodes if node is not None]
+
+
+def nacre_materials() -> list[bpy.types.Material]:
+    """All materials in the file that were made here and can be changed."""
+    return [item for item in bpy.data.materials if item.is_editable and is_nacre_material(item)]
 
 
 def group_of(material: bpy.types.Material) -> bpy.types.ShaderNodeTree:

@@ -59,6 +59,17 @@ def show_tables(
     show_lights(tree, lights)
 
 
+def remove_model_group(tree: bpy.types.ShaderNodeTree) -> None:
+    """Remove a group with all that was made for it."""
+    clear(tree, keep=is_holder)
+    texel = tree.nodes[_TEXEL].node_tree
+    images = [node.image for node in tree.nodes if node.type == "TEX_IMAGE"]
+    for item in (tree, texel):
+        bpy.data.node_groups.remove(item)
+    for image in images:
+        bpy.data.images.remove(image)
+
+
 def show_lights(tree: bpy.types.ShaderNodeTree, lights: bpy.types.ShaderNodeTree | None) -> None:
     """Write a group anew for a light set, or for one whose number of lights has changed."""
     clear(tree, keep=is_holder)

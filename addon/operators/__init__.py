@@ -8,6 +8,7 @@ from . import (
     export_btf,
     import_btf,
     measure,
+    update_material,
 )
 
 CLASSES = (
@@ -17,6 +18,7 @@ CLASSES = (
     measure.NACRE_OT_measure,
     compress.NACRE_OT_compress,
     create_material.NACRE_OT_create_material,
+    update_material.NACRE_OT_update_material,
     compare_with_cycles.NACRE_OT_compare_with_cycles,
     cancel.NACRE_OT_cancel,
 )

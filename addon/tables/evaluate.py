@@ -47,6 +47,27 @@ def evaluate_points(
     return np.maximum(np.concatenate(parts), 0.0).astype(np.float32)
 
 
+def reduced_points(
+    tables: Tables, view: NDArray[np.floating], uv: NDArray[np.floating]
+) -> NDArray[np.float32]:
+    """The core contracted with the view at n points: (n, C_view or 1, C_light, R_light), summed
+    over the view's clusters where one set of light rows serves them all."""
+    apart = len(_lights(tables)) > 1
+    column, row = texel_of(np.asarray(view), tables.size).T
+    points = np.arange(len(uv))
+    count, clusters, rank = tables.core.shape[:3]
+    reduced = np.zeros((len(uv), clusters if apart else 1, count, rank), np.float32)
+    coefficients = tables.view[:, :, :, row, column]  # (owners, K_v, quads, n, 4)
+    for k, cluster in enumerate(tables.view_index[:, row, column]):
+        for weight, y, x in _taps(np.asarray(uv), tables.core.shape[4:6]):
+            texels = tables.core[:, cluster, :, :, y, x]  # (n, C_light, R, quads, 4)
+            weights = np.broadcast_to(coefficients[:, k], (count, *coefficients.shape[2:]))
+            reduced[points, cluster if apart else 0] += weight[:, None, None] * np.einsum(
+                "nlrqe,lqne->nlr", texels, weights
+            )
+    return reduced
+
+
 def _points(
     tables: Tables,
     light: NDArray[np.floating],

@@ -126,7 +126,7 @@ def build_tables(
                 np.zeros((count, mixtures), np.uint32) if rows.members is None else rows.members
             )
         basis = np.concatenate(bases, 1).transpose(0, 2, 3, 1, 4)
-        basis = _quads(basis.reshape(*basis.shape[:3], size, size, -1))
+        basis = quads(basis.reshape(*basis.shape[:3], size, size, -1))
         return np.moveaxis(basis, -2, 3), np.concatenate(members).T.reshape(-1, size, size)
 
     def rank(mode: str) -> int:
@@ -142,7 +142,7 @@ def build_tables(
     step(0.7, "Expanding the core")
     core = np.stack([_expand_texels(model, cluster) for cluster in range(len(model.core))])
     counts = [model.clusters.get(mode, 1) for mode in ("light", "view")]
-    core = np.moveaxis(_quads(np.moveaxis(core, 2, -1)), -2, 2)
+    core = np.moveaxis(quads(np.moveaxis(core, 2, -1)), -2, 2)
     step(1.0, "Tables ready")
     return Tables(
         core=core.reshape(*counts, *core.shape[1:]),
@@ -162,7 +162,7 @@ def _expand_texels(model: ClusteredTucker, cluster: int) -> NDArray[np.float32]:
     return texels if model.kind == "btf" else texels[None]
 
 
-def _quads(array: NDArray[np.floating]) -> NDArray[np.float32]:
+def quads(array: NDArray[np.floating]) -> NDArray[np.float32]:
     """The last axis in groups of four, filled up with zeros: (..., R) -> (..., R/4, 4)."""
     missing = -array.shape[-1] % 4
     filled = np.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, missing)])
