@@ -13,6 +13,8 @@ the dataset's. truth.png shows them all.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -84,7 +86,8 @@ def main() -> None:
             shot = Shot(kind, ACROSS[kind], SIZE, CAMERA)
             truth = rendered(scene, dataset, shot, own)
             view = look_at(dataset, shot)
-            seen = on_smooth_mesh(dataset, models, view)
+            prefix = own / f"{scene} {kind} {SIZE}"
+            seen = on_smooth_mesh(dataset, models, view, partial(kept, prefix, options.quality))
             for light in LIGHTS:
                 scores, strip = compared(truth[light], seen[light], view)
                 strips.append((f"{SCENES[scene][0]}, {kind}, {light}", strip))
@@ -116,6 +119,11 @@ def rendered(scene: str, dataset: Dataset, shot: Shot, folder: Path) -> dict[str
     return {lights: np.load(path(lights)) for lights in LIGHTS}
 
 
+def kept(prefix: Path, quality: str, name: str) -> Path:
+    """The file of pictures of the smooth mesh."""
+    return prefix.with_name(f"{prefix.name} {name}{'' if name == 'dataset' else f' {quality}'}.npy")
+
+
 def fitted(scene: str, dataset: Dataset, quality: str, folder: Path) -> dict[str, Path]:
     """Models by the methods at one quality, and so at about one size, made where missing."""
     files = {method: folder / f"{scene} {method} {quality}.exr" for method in METHODS}
@@ -127,13 +135,17 @@ def fitted(scene: str, dataset: Dataset, quality: str, folder: Path) -> dict[str
 
 
 def on_smooth_mesh(
-    dataset: Dataset, models: dict[str, ClusteredTucker], view: View
+    dataset: Dataset, models: dict[str, ClusteredTucker], view: View, kept: Callable[[str], Path]
 ) -> dict[str, dict[str, Pixels]]:
-    """Pictures by the lights, and then of the dataset and of the models."""
+    """Pictures by the lights, and then of the dataset and of the models; kept(name) is the file of
+    those of one, made where it is not there."""
     given = [lights(name) for name in LIGHTS]
-    found = {"dataset": of_dataset(dataset, view, given)}
+    if not kept("dataset").is_file():
+        np.save(kept("dataset"), of_dataset(dataset, view, given))
     for method, model in models.items():
-        found[method] = of_tables(build_tables(model), view, given)
+        if not kept(method).is_file():
+            np.save(kept(method), of_tables(build_tables(model), view, given))
+    found = {name: np.load(kept(name)) for name in ("dataset", *models)}
     return {
         name: {of: pictures[number] for of, pictures in found.items()}
         for number, name in enumerate(LIGHTS)

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from addon.datasets.dataset import Dataset
+from addon.datasets.directions import spherical_to_unit
 from addon.models.exr import load_model
-from addon.render.stage import unit
 from addon.tables.tables import build_tables
 
 from ._data import OUT
@@ -164,7 +164,7 @@ def follow(
     """A picture at points of the surface (n, 3), bilinear, and which of them the camera sees."""
     steps = np.linspace(0.05, 0.95, POINTS)
     u, v = (axis.ravel() for axis in np.meshgrid(steps, steps))
-    towards = unit(shot.camera)
+    (towards,) = spherical_to_unit(*zip(shot.camera, strict=True))
     right = np.cross((0.0, 0.0, 1.0), towards)
     right /= np.linalg.norm(right)
     points = view.shape.point(u, v) / (view.shape.unit * SPAN)
