@@ -58,7 +58,7 @@ def test_holes_show_what_is_behind(engine: str, tables: Tables, holes: Tables) -
         flat.scene.cycles.pixel_filter_type = "GAUSSIAN"  # the middle of each pixel
         seen = 1.0 - render_pixels(flat.scene)[..., 0]
     # Alpha is met by chance, sample by sample.
-    assert np.abs(seen - expected)[(expected == 0.0) | (expected == 1.0)].max() < 0.02
+    assert np.abs(seen - expected)[(expected == 0.0) | (expected == 1.0)].max() < 0.04
     assert np.abs(seen - expected).max() < 0.25
 
 
