@@ -60,10 +60,24 @@ def materials_showing(path: str | Path) -> list[bpy.types.Material]:
     ]
 
 
+def follow_worlds() -> None:
+    """Let materials follow worlds that were turned by hand; keys are followed by drivers."""
+    if wheels.missing() is not None:
+        return
+    from .nodes.material import groups_of, nacre_materials
+    from .nodes.model_group import follow_turned_world
+
+    for material in nacre_materials():
+        for group in groups_of(material):
+            follow_turned_world(group)
+
+
 @persistent
 def _updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     if any(depsgraph.id_type_updated(kind) for kind in _KINDS):
         _changed(scene)
+    if depsgraph.id_type_updated("WORLD") or depsgraph.id_type_updated("NODETREE"):
+        follow_worlds()
 
 
 @persistent

@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 from addon.datasets.dataset import Dataset
 from addon.models.exr import read_picture
 from addon.models.fit import compress, quality_settings
+from addon.nodes.graph import Graph
+from addon.nodes.world_light import follow_world, turned
 from addon.tables.environment import (
     GRID,
     build_environment,
@@ -31,7 +33,7 @@ from addon.tables.environment import (
 )
 from addon.tables.evaluate import light_rows, reduced_points
 from addon.tables.light_lobes import LightLobes, light_lobes
-from addon.tables.orientations import coordinates_of, corners_of
+from addon.tables.orientations import HALF_TURNS, coordinates_of, corners_of
 from addon.tables.tables import Tables, build_tables
 from addon.tables.world_picture import (
     filter_picture,
@@ -79,6 +81,7 @@ def main() -> None:
     found = materials(options.folder, options.only)
     models = {name: tables_of(data, options.method) for name, data in found.items()}
     errors(models, pictures, options.frames)
+    turning()
     first = next(iter(models))
     if len(models[first].core) == 1 and len(models[first].light) == 1:
         layouts(first, models[first], pictures, options.frames)
@@ -126,6 +129,33 @@ def errors(models: dict[str, Tables], pictures: dict[str, NDArray], count: int) 
     print(table(rows))
     good = [world for world, error in largest.items() if error <= LIMIT]
     print(bar(len(good) >= 3, f"at most {LIMIT:.0%} in {len(good)} worlds: {', '.join(good)}"))
+
+
+def turning() -> None:
+    """How long it takes until a material's frame has followed the world's rotation."""
+    world, material = bpy.data.worlds.new("Turning"), bpy.data.materials.new("Turning")
+    for item in (world, material):
+        if item.node_tree is None:
+            item.use_nodes = True
+    mapping = world.node_tree.nodes.new("ShaderNodeMapping")
+    g = Graph(material.node_tree)
+    axis, *_ = turned(g, [g.combine(1.0, 0.0)] * 3, world, mapping)
+    mesh = bpy.data.meshes.new("Turning")
+    mesh.materials.append(material)
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Turning", mesh))
+    bpy.context.scene.world = world
+    took = []
+    for step in range(20):
+        start = perf_counter()
+        mapping.inputs["Rotation"].default_value = (0.0, 0.0, 0.1 * step)
+        follow_world(world)
+        bpy.context.view_layer.update()
+        took.append(perf_counter() - start)
+    followed = axis.socket.node.inputs["Rotation"].default_value[2]
+    if not np.isclose(followed, 0.1 * step):
+        raise SystemExit(f"the frame turned by {followed}, not by {0.1 * step}")
+    milliseconds = 1000.0 * float(np.median(took))
+    print(bar(milliseconds < 50.0, f"turning the world: {milliseconds:.2f} ms of drivers"))
 
 
 def layouts(name: str, tables: Tables, pictures: dict[str, NDArray], count: int) -> None:
@@ -225,8 +255,6 @@ def _nearest_frames(frames: NDArray, grid: int) -> NDArray:
 
 
 def _frames_of(hand: NDArray, turn: NDArray, points: NDArray) -> NDArray:
-    from addon.tables.orientations import HALF_TURNS
-
     x, y, z = points.T
     rows = [
         [1 + x**2 - y**2 - z**2, 2 * (x * y + z), 2 * (x * z - y)],

@@ -25,7 +25,7 @@ from .packed_environment import (
 )
 from .packed_tables import PackedTables, is_holder, store, stored
 from .texel_group import make_texel_group
-from .turning import turned
+from .turning import follow_world, turned
 
 SOCKETS = (
     ("UV", "Texture coordinates in patches; whole numbers repeat the material"),
@@ -111,6 +111,20 @@ def show_lights(tree: bpy.types.ShaderNodeTree, lights: bpy.types.ShaderNodeTree
     clear(tree, keep=is_holder)
     tree.animation_data_clear()
     _write(tree, stored(tree), lights)
+
+
+def follow_turned_world(tree: bpy.types.ShaderNodeTree) -> None:
+    """Let a group's environment follow an edit of its world's rotation."""
+    environment = stored_environment(tree)
+    world = bpy.data.worlds.get(environment.world) if environment else None
+    if world is None or world.node_tree is None or tree.animation_data is None:
+        return
+    mapping = world.node_tree.nodes.get(environment.mapping)
+    here = next((node for node in tree.nodes if node.type == "MAPPING"), None)
+    if mapping is not None and here is not None:
+        wanted, shown = (node.inputs["Rotation"].default_value for node in (mapping, here))
+        if tuple(wanted) != tuple(shown):
+            follow_world(world)
 
 
 def lights_of(tree: bpy.types.ShaderNodeTree) -> bpy.types.ShaderNodeTree | None:

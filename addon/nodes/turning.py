@@ -46,8 +46,10 @@ def rotation_of(mapping: bpy.types.ShaderNodeMapping | None) -> NDArray[np.float
 def turned(
     g: Graph, axes: Sequence[Wire], world: bpy.types.World, mapping: bpy.types.ShaderNodeMapping
 ) -> list[Wire]:
-    """Directions in the scene as those of the picture, driven by the world's own rotation: turning
-    the world in its editor, or with keys, is all it takes."""
+    """Directions in the scene as those of the picture, driven by the world's own rotation.
+
+    They follow its keys; after an edit they follow once `follow_world` was called.
+    """
     path = f'node_tree.nodes["{bpy.utils.escape_identifier(mapping.name)}"].inputs["Rotation"]'
     found = []
     for axis in axes:
@@ -61,3 +63,9 @@ def turned(
             variable.targets[0].data_path = f"{path}.default_value[{index}]"
         found.append(g.wire(node))
     return found
+
+
+def follow_world(world: bpy.types.World) -> None:
+    """Let what is driven by a world's rotation follow an edit: Blender evaluates such drivers when
+    the world is tagged, and an edit of its nodes tags only these."""
+    world.update_tag()

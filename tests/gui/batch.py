@@ -35,7 +35,7 @@ def main() -> None:
     scene.nacre.output = str(model)
     assert bpy.ops.nacre.compress() == {"FINISHED"}
     assert bpy.ops.nacre.create_material() == {"FINISHED"}
-    assert model.is_file() and torus.active_material.nacre.light
+    assert model.is_file() and torus.active_material.nacre.model
     torus.active_material.node_tree.nodes["Repeat"].inputs[1].default_value = (12, 4, 1)
 
     scene.render.resolution_x, scene.render.resolution_y = 480, 360

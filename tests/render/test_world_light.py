@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from addon.nodes.graph import Graph
-from addon.nodes.turning import rotation_of, turned
+from addon.nodes.turning import follow_world, rotation_of, turned
 from addon.render import world_light
 from addon.render.engines import NODE_ENGINES, render_pixels, set_engine
 from addon.render.stage import add_camera, add_mesh, new_scene
@@ -168,6 +168,25 @@ def test_frames_turn_with_the_world(engine: str) -> None:
             mapping.inputs["Rotation"].default_value = rotation
             expected = rotation_of(mapping) @ direction * 0.5 + 1.0
             np.testing.assert_allclose(render_pixels(scene)[0, 0], expected, atol=2e-3)
+
+
+def test_frames_follow_an_edit_at_once() -> None:
+    world = new_world()
+    mapping = world.node_tree.nodes["Mapping"]
+    material = bpy.data.materials.new("Turned")
+    if material.node_tree is None:
+        material.use_nodes = True
+    g = Graph(material.node_tree)
+    (axis,) = turned(g, [g.combine(1.0, 0.0)], world, mapping)
+    mesh = bpy.data.meshes.new("Turned")
+    mesh.materials.append(material)
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Turned", mesh))
+    bpy.context.scene.world = world
+    for angle in (0.5, -1.0):
+        mapping.inputs["Rotation"].default_value = (0.0, 0.0, angle)
+        follow_world(world)
+        bpy.context.view_layer.update()
+        assert axis.socket.node.inputs["Rotation"].default_value[2] == pytest.approx(angle)
 
 
 def _diffuser(size: int = 64) -> Tables:
