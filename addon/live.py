@@ -12,9 +12,11 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
+from . import wheels
 from .nodes.light_set import bring_up_to_date, light_set, light_sets, owner_of
-from .nodes.material import groups_of, nacre_materials, swap_final
-from .nodes.model_group import lights_of, show_lights
+
+# Modules that need the compiled packages are imported where there is something to show: the
+# extension must come up without them, to say so.
 
 _KINDS = ("OBJECT", "LIGHT", "COLLECTION", "SCENE")
 
@@ -25,6 +27,11 @@ def follow_lights(scene: bpy.types.Scene) -> bool:
     Materials whose lights have gone, as those that came from another file, are lit by `scene`.
     """
     sets = light_sets()
+    if not sets:
+        return False
+    from .nodes.material import groups_of, nacre_materials
+    from .nodes.model_group import lights_of, show_lights
+
     changed = [tree for tree in sets if owner_of(tree) is not None and bring_up_to_date(tree)]
     stray = [tree for tree in sets if owner_of(tree) is None or tree != light_set(owner_of(tree))]
     if not changed and not stray:
@@ -43,6 +50,8 @@ def follow_lights(scene: bpy.types.Scene) -> bool:
 
 def materials_showing(path: str | Path) -> list[bpy.types.Material]:
     """The materials that show a model's file."""
+    from .nodes.material import nacre_materials
+
     wanted = Path(path).resolve()
     return [
         material
@@ -66,6 +75,10 @@ def _changed(scene: bpy.types.Scene | str | None, *_: Any) -> None:
 
 @persistent
 def _swap(*_: Any) -> None:
+    if wheels.missing() is not None:
+        return
+    from .nodes.material import nacre_materials, swap_final
+
     for material in nacre_materials():
         swap_final(material)
 

@@ -154,6 +154,12 @@ class NACRE_PG_material(bpy.types.PropertyGroup):
         description="File of the model that this material shows; Update reads it",
         subtype="FILE_PATH",
     )
+    occlusion: StringProperty(
+        name="Occlusion",
+        description="File of a model of occlusion that gives this material its holes; Update reads "
+        "it. If empty, it has none",
+        subtype="FILE_PATH",
+    )
     final_model: StringProperty(
         name="Final Model",
         description="File of the model that replaces it while a final render runs, of a higher "

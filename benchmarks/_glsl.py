@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from math import pi
 
 import gpu
@@ -43,7 +44,7 @@ void main()
 """
 
 _SUM = """
-/* The fetches of BTF_prepare and BTF_value and nothing else; texels of view and lights are given. */
+/* The fetches of BTF_prepare and BTF_value and nothing else; the texels are given. */
 void main()
 {
   vec4 sum = vec4(0.0);
@@ -169,10 +170,8 @@ class Screen:
                 ("nacre_object", Matrix()),
                 ("nacre_repeat", (1.0, 1.0)),
             ):
-                try:
+                with suppress(ValueError):  # not used by this main
                     shader.uniform_float(name, value)
-                except ValueError:  # not used by this main
-                    pass
             triangle.draw(shader)
             let_go()
 

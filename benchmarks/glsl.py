@@ -1,7 +1,7 @@
 """The GLSL engine's frame time against that of its fetches alone, and how many it makes.
 
-A plane fills the picture, square to an orthographic camera, under suns without shadows. The surface
-shader is compared with one that makes the same fetches and only sums them. Tables have the shapes of
+A plane fills the picture, square to an orthographic camera, under suns without shadows. The engine
+is compared with a shader that makes the same fetches and only sums them. Tables have the shapes of
 the papers' materials and random numbers. `python -m benchmarks.glsl`
 """
 

@@ -66,6 +66,15 @@ def lay_out(name: str, blocks: NDArray[np.float32]) -> tuple[NDArray[np.float32]
     return pixels, columns, rows
 
 
+def cut_out(atlas: Atlas, tiles: int, height: int, width: int) -> NDArray[np.float32]:
+    """What make_atlas laid out: blocks (across, up, tiles, Y, X, 4)."""
+    pixels = np.empty(atlas.image.size[0] * atlas.image.size[1] * 4, np.float32)
+    atlas.image.pixels.foreach_get(pixels)
+    grid = pixels.reshape(atlas.up, atlas.rows, height, atlas.across, atlas.columns, width, 4)
+    blocks = grid.transpose(3, 0, 1, 4, 2, 5, 6)
+    return blocks.reshape(atlas.across, atlas.up, -1, height, width, 4)[:, :, :tiles]
+
+
 def make_image(name: str, pixels: NDArray[np.float32]) -> bpy.types.Image:
     """A packed float image of data (height, width, 4), bottom row first."""
     height, width, _ = pixels.shape

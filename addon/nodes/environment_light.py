@@ -7,53 +7,12 @@ Closest and mixed by hand. Turning the world is turning the frame that goes in.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import pi
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..tables.environment import EnvironmentTable
-from .atlas import Atlas, lay_out, make_image
 from .evaluation import Evaluation
 from .graph import Graph, Operand, Wire
 from .loops import choose, repeat
-
-
-@dataclass(frozen=True)
-class PackedEnvironment:
-    """An environment table as an image, whose values are to be multiplied with the table's scale.
-
-    Clusters of lights go across and those of views up, as in the model's own images.
-    """
-
-    atlas: Atlas
-    grid: int
-    channels: int
-
-
-def pack_environment(name: str, table: EnvironmentTable) -> PackedEnvironment:
-    """Make the image of an environment. Raises NacreError when it does not fit a texture."""
-    blocks = _blocks(table)
-    pixels, columns, rows = lay_out(name, blocks)
-    image = make_image(name, pixels)
-    image.use_half_precision = True  # as the table is
-    atlas = Atlas(image, *blocks.shape[:2], columns, rows)
-    return PackedEnvironment(atlas, table.grid, table.vectors.shape[1])
-
-
-def refill_environment(packed: PackedEnvironment, table: EnvironmentTable) -> None:
-    """Put another environment of the same model into an image: nothing is compiled anew.
-
-    ValueError for a table of another shape.
-    """
-    image = packed.atlas.image
-    pixels, _, _ = lay_out(image.name, _blocks(table))
-    if (image.size[1], image.size[0]) != pixels.shape[:2] or packed.grid != table.grid:
-        raise ValueError("table: expected one of the same model and grid")
-    image.pixels.foreach_set(pixels.ravel())
-    image.pack()
-    image.update()
+from .packed_environment import PackedEnvironment
 
 
 def environment_radiance(
@@ -146,11 +105,3 @@ def corners(
         (place(larger), second - least),
         (place(1.0), least),
     ]
-
-
-def _blocks(table: EnvironmentTable) -> NDArray[np.float32]:
-    """(C_light, owners, channels * quads, 8 G, G * G, 4)."""
-    owners, _, clusters, _ = table.vectors.shape[:4]
-    grid = table.grid
-    vectors = np.moveaxis(table.vectors, 2, 0)
-    return vectors.reshape(clusters, owners, -1, 8 * grid, grid * grid, 4).astype(np.float32)

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import bpy
 from mathutils import Vector
 
+from ..tables.environment import EnvironmentTable
 from ..tables.tables import Tables
+from .coverage_group import make_coverage_group, remove_coverage_group
 from .frame_group import frame_group
-from .graph import Graph
+from .graph import Graph, Wire
 from .light_set import Owner, bring_up_to_date, light_set
 from .model_group import (
     lights_of,
     make_model_group,
     remove_model_group,
+    show_environment,
     show_lights,
     show_tables,
 )
 from .packed_tables import is_packed, pack
 
 MODEL_NODE = "Nacre Model"
+COVERAGE_NODE = "Nacre Coverage"
 FINAL_NODE = "Nacre Final Model"
 
 
@@ -62,6 +68,54 @@ def set_tables(material: bpy.types.Material, tables: Tables) -> None:
     """Show other tables in place: what is linked to the material's nodes stays."""
     group = group_of(material)
     show_tables(group, pack(group.name, tables), lights_of(group))
+
+
+def set_coverage(
+    material: bpy.types.Material, tables: Tables | None, mapping: tuple[float, float] = (0.5, 1.0)
+) -> None:
+    """Give a material the holes of an occlusion model, by alpha; None for none.
+
+    `mapping` is Eq. 26's threshold and weight, which are inputs of the node as well. EEVEE shows
+    partly covered pixels dithered or blended, as the material's own setting says.
+    """
+    tree = material.node_tree
+    model = tree.nodes[MODEL_NODE]
+    output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+    surface = output.inputs["Surface"]
+    before = tree.nodes.get(COVERAGE_NODE)
+    if before is not None:
+        mix = surface.links[0].from_node
+        shown = mix.inputs[2].links[0].from_socket
+        remove_coverage_group(before.node_tree)
+        for node in (before, mix.inputs[1].links[0].from_node, mix):
+            tree.nodes.remove(node)
+        tree.links.new(shown, surface)
+    if tables is None:
+        return
+    name = f"Nacre {material.name} Coverage"
+    group = make_coverage_group(name, pack(name, tables), mapping)
+    g = Graph(tree)
+    uv, view = (Wire(g, model.inputs[label].links[0].from_socket) for label in ("UV", "View"))
+    coverage = g.node("ShaderNodeGroup", uv, view, node_tree=group)
+    coverage.name = coverage.label = COVERAGE_NODE
+    hole = g.node("ShaderNodeBsdfTransparent")
+    shown = Wire(g, surface.links[0].from_socket)
+    mix = g.node("ShaderNodeMixShader", g.wire(coverage), g.wire(hole), shown)
+    g.connect(g.wire(mix), surface)
+    for node, shift in ((coverage, (0, 300)), (hole, (200, 300)), (mix, (300, 150))):
+        node.location, node.hide = model.location + Vector(shift), False
+
+
+def set_environment(
+    material: bpy.types.Material,
+    tables: Sequence[EnvironmentTable | None],
+    world: str = "",
+    mapping: str = "",
+) -> None:
+    """Light a material by a world, too: a table for each of `groups_of` it, or None for none. The
+    node `mapping` of the world turns it."""
+    for group, table in zip(groups_of(material), tables, strict=True):
+        show_environment(group, table, world, mapping)
 
 
 def set_final_tables(material: bpy.types.Material, tables: Tables | None) -> None:

@@ -7,6 +7,7 @@ from . import (
     create_material,
     export_btf,
     import_btf,
+    light_by_world,
     measure,
     update_material,
 )
@@ -19,6 +20,7 @@ CLASSES = (
     compress.NACRE_OT_compress,
     create_material.NACRE_OT_create_material,
     update_material.NACRE_OT_update_material,
+    light_by_world.NACRE_OT_light_by_world,
     compare_with_cycles.NACRE_OT_compare_with_cycles,
     cancel.NACRE_OT_cancel,
 )

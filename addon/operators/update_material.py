@@ -5,6 +5,7 @@ from typing import Any
 
 import bpy
 
+from ..errors import NacreError
 from ..jobs import JobOperator, Progress, Work
 from .ready import is_ready
 
@@ -26,29 +27,39 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
         return is_ready(cls)
 
     def prepare(self, context: bpy.types.Context) -> Work:
+        from ..datasets.occlusion import MAPPINGS
         from ..models.exr import load_model
         from ..tables.tables import build_tables
 
         self._material = context.object.active_material
-        chosen = self._material.nacre
-        names = [chosen.model, *([chosen.final_model] if chosen.final_model else [])]
-        paths = [Path(bpy.path.abspath(name)) for name in names]
+        files = self._material.nacre
+        paths = {
+            part: Path(bpy.path.abspath(getattr(files, part)))
+            for part in ("model", "occlusion", "final_model")
+            if getattr(files, part)
+        }
 
         def work(progress: Progress) -> Any:
             def share(number: int) -> Progress:
                 return lambda f, text: progress((number + f) / len(paths), text)
 
-            return [
-                build_tables(load_model(path), progress=share(number))
-                for number, path in enumerate(paths)
-            ]
+            found = {}
+            for number, (part, path) in enumerate(paths.items()):
+                model = load_model(path)
+                wanted = "occlusion" if part == "occlusion" else "btf"
+                if model.kind != wanted:
+                    raise NacreError(f"{path}: a model of {model.kind}; expected one of {wanted}")
+                mapping = MAPPINGS.get(model.dataset.get("value", ""), MAPPINGS["mask"])
+                found[part] = build_tables(model, progress=share(number)), mapping
+            return found
 
         return work
 
     def finish(self, context: bpy.types.Context, result: Any) -> None:
-        from ..nodes.material import set_final_tables, set_tables
+        from ..nodes.material import set_coverage, set_final_tables, set_tables
 
-        shown, *final = result
-        set_tables(self._material, shown)
-        set_final_tables(self._material, final[0] if final else None)
+        if "model" in result:
+            set_tables(self._material, result["model"][0])
+        set_final_tables(self._material, result.get("final_model", (None,))[0])
+        set_coverage(self._material, *result.get("occlusion", (None,)))
         self.report({"INFO"}, f"Updated the material {self._material.name}")

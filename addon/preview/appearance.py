@@ -53,7 +53,18 @@ def appearance_of(material: bpy.types.Material | None, final: bool = False) -> A
         return Appearance(base=(0.4, 0.4, 0.4), message=f"{material.name}: {message}")
     if tables.light is None:
         return Appearance(occlusion=tables, repeat=_repeat(material), base=base_colour(material))
-    return Appearance(btf=tables, repeat=_repeat(material))
+    holes, visibility, message = None, (0.5, 1.0), ""
+    coverage = material.node_tree.nodes.get("Nacre Coverage") if material.node_tree else None
+    if settings.occlusion and coverage is not None:
+        holes, message = tables_of(bpy.path.abspath(settings.occlusion, library=material.library))
+        visibility = tuple(coverage.inputs[name].default_value for name in ("Threshold", "Weight"))
+    return Appearance(
+        btf=tables,
+        occlusion=holes,
+        visibility=visibility,
+        repeat=_repeat(material),
+        message=f"{material.name}: {message}" if message else "",
+    )
 
 
 def tables_of(path: str) -> tuple[Tables | None, str]:

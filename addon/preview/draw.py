@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field
 
 import bpy
@@ -49,7 +49,15 @@ class Resources:
 
     meshes: dict[tuple, MeshBatches | None] = field(default_factory=dict)
     tables: dict[int, tuple[object, TableTextures]] = field(default_factory=dict)
-    shaders: dict[tuple, gpu.types.GPUShader] = field(default_factory=dict)
+    shaders: dict[Hashable, gpu.types.GPUShader] = field(default_factory=dict)
+
+    def shader(
+        self, key: Hashable, build: Callable[[], gpu.types.GPUShader]
+    ) -> gpu.types.GPUShader:
+        """The shader of a key, built at first use."""
+        if key not in self.shaders:
+            self.shaders[key] = build()
+        return self.shaders[key]
 
 
 @dataclass(frozen=True)
@@ -78,7 +86,7 @@ def prepare(
     resources: Resources,
     appearance_of: Callable[[bpy.types.Material | None], Appearance],
 ) -> Prepared:
-    """Read what a depsgraph holds and draw the lights' shadow maps, into frame buffers of their own.
+    """Read what a depsgraph holds and draw the lights' shadow maps.
 
     To be called where no other frame buffer is bound.
     """
@@ -94,7 +102,7 @@ def prepare(
         lights,
         [(item.batch, item.matrix) for item in items],
         np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)]),
-        _shader(resources, "depth", depth_shader),
+        resources.shader("depth", depth_shader),
     )
     blocks = {"nacre_lights": _uniforms(light_rows(lights, shadows.layers, shadows.texels))}
     if shadows.maps is not None:
@@ -111,8 +119,8 @@ def prepare(
 
 
 def draw(scene: Prepared, view: View, resources: Resources) -> None:
-    """Draw into the bound frame buffer: opaque surfaces, then what is partly visible (K-CTA, Section
-    6.3.3).
+    """Draw into the bound frame buffer: opaque surfaces, then what is partly visible (K-CTA,
+    Section 6.3.3).
 
     Depth must be cleared. Colours are linear, with premultiplied alpha.
     Raises NacreError when tables do not fit textures.
@@ -198,8 +206,7 @@ def _draw_item(
     }
     shapes = {name: constants(tables) for name, tables in sets.items()}
     key = (shadow_size, *((name, *shape.items()) for name, shape in shapes.items()))
-    shader = _shader(
-        resources,
+    shader = resources.shader(
         key,
         lambda: surface_shader(shapes.get("BTF"), shapes.get("OCCLUSION"), shadow_size),
     )
@@ -222,12 +229,6 @@ def _draw_item(
     if sets:
         shader.uniform_float("nacre_repeat", appearance.repeat)
     item.batch.draw(shader)
-
-
-def _shader(resources: Resources, key, build: Callable[[], gpu.types.GPUShader]):
-    if key not in resources.shaders:
-        resources.shaders[key] = build()
-    return resources.shaders[key]
 
 
 def _uploaded(resources: Resources, tables) -> TableTextures:

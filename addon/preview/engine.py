@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import bpy
 import gpu
-from gpu_extras.presets import draw_texture_2d
 
 from ..errors import NacreError
 from .appearance import appearance_of, final_appearance_of
+from .copy_picture import copy_picture, copy_shader
 from .draw import Prepared, Resources, View, draw, prepare, table_bytes
 from .picture import background, camera_picture
 
@@ -40,8 +40,9 @@ class NACRE_RE_engine(bpy.types.RenderEngine):
         self.end_result(result)
 
     def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """The scene changed: meshes are read again when they are drawn next."""
+        """The scene changed: it is read again when it is drawn next, not while the view turns."""
         resources = self._resources()
+        self.prepared = None
         for update in depsgraph.updates:
             if isinstance(update.id, bpy.types.Object) and update.is_updated_geometry:
                 changed = update.id.original.session_uid
@@ -54,20 +55,20 @@ class NACRE_RE_engine(bpy.types.RenderEngine):
         region, space = context.region, context.region_data
         view = View.of(space.view_matrix, space.window_matrix)
         resources = self._resources()
+        # Making an off-screen buffer leaves the viewport's unbound.
+        viewport = gpu.state.active_framebuffer_get()
         screen = gpu.types.GPUOffScreen(region.width, region.height, format="RGBA16F")
         try:
-            prepared = prepare(depsgraph, resources, appearance_of)
+            prepared = self.prepared or prepare(depsgraph, resources, appearance_of)
+            self.prepared = prepared
             with screen.bind():
                 gpu.state.active_framebuffer_get().clear(
                     color=background(depsgraph.scene), depth=1.0
                 )
                 draw(prepared, view, resources)
             self.update_stats("Nacre", "; ".join((status(prepared, resources), *prepared.messages)))
-            self.bind_display_space_shader(depsgraph.scene)
-            gpu.state.blend_set("ALPHA_PREMULT")
-            draw_texture_2d(screen.texture_color, (0, 0), region.width, region.height)
-            gpu.state.blend_set("NONE")
-            self.unbind_display_space_shader()
+            with viewport.bind():
+                copy_picture(screen.texture_color, resources.shader("copy", copy_shader))
         except NacreError as error:
             self.update_stats("Nacre", str(error))
         finally:
@@ -76,7 +77,7 @@ class NACRE_RE_engine(bpy.types.RenderEngine):
     def _resources(self) -> Resources:
         # __init__ is not called in 4.5 the way Python's is.
         if not hasattr(self, "kept"):
-            self.kept = Resources()
+            self.kept, self.prepared = Resources(), None
         return self.kept
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..tables.tables import Tables
 from .context import need_gpu
-from .shader import compile_info, constants, full_screen, let_go, read_tables, start_info
+from .shader import FULL_SCREEN, compile_info, constants, let_go, read_tables, start_info
 from .textures import upload
 
 _MAIN = """
@@ -42,7 +42,7 @@ class FlatEvaluator:
         info.push_constant("VEC3", "nacre_light")
         info.push_constant("VEC3", "nacre_view")
         info.fragment_out(0, "VEC4", "nacre_colour")
-        info.vertex_source(full_screen())
+        info.vertex_source(FULL_SCREEN)
         info.fragment_source(source + text + _MAIN)
         self.shader = compile_info(info)
         self.triangle = batch_for_shader(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
 from typing import TYPE_CHECKING
 
 import gpu
@@ -17,6 +16,9 @@ if TYPE_CHECKING:  # models need the compiled packages, and the engine registers
 
 Constants = Mapping[str, str]
 """What evaluate.glsl is compiled with; equal for tables that differ only in their numbers."""
+
+FULL_SCREEN = "void main() { gl_Position = vec4(position, 0.0, 1.0); }"
+"""A vertex shader for three vertices `position` that cover the picture."""
 
 _vec4 = "vec4({:.1f}, {:.1f}, {:.1f}, {:.1f})"
 
@@ -96,9 +98,3 @@ def let_go() -> None:
     """Bind a shader that stays. Blender skips binding a shader that lies where the last one bound
     did, even when that one was freed: nothing would be drawn with the new one."""
     gpu.shader.from_builtin("UNIFORM_COLOR").bind()
-
-
-@cache
-def full_screen() -> str:
-    """A vertex shader for three vertices `position` that cover the picture."""
-    return "void main() { gl_Position = vec4(position, 0.0, 1.0); }"

@@ -21,7 +21,7 @@ struct NacreShadowView { mat4 projection; };
 def surface_shader(
     btf: Constants | None, occlusion: Constants | None, shadow_size: int
 ) -> gpu.types.GPUShader:
-    """A shader for tables of these constants; `shadow_size` texels along a shadow map, 0 for none."""
+    """A shader for tables of these constants; `shadow_size` texels along a shadow map or 0."""
     info, source = surface_info(btf, occlusion, shadow_size)
     info.fragment_source(source + shader_text("surface.glsl"))
     return compile_info(info)

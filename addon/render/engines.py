@@ -13,7 +13,10 @@ from ..errors import NacreError
 from ..models.exr import read_picture
 from ..preview.context import need_gpu
 
-ENGINES = ("eevee", "cycles", "glsl")
+NODE_ENGINES = ("eevee", "cycles")
+"""Those that evaluate node groups."""
+
+ENGINES = (*NODE_ENGINES, "glsl")
 FORMATS = {".exr": ("OPEN_EXR", "32"), ".png": ("PNG", "8")}
 
 
@@ -22,7 +25,7 @@ def engines_here() -> tuple[str, ...]:
     try:
         need_gpu()
     except NacreError:
-        return ENGINES[:2]
+        return NODE_ENGINES
     return ENGINES
 
 

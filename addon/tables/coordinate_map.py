@@ -30,8 +30,8 @@ _VIEWS = spherical_to_unit([0.0, 45.0, 45.0], [0.0, 60.0, 240.0])
 _NUMBERS = 8  # of an appearance vector, as in the paper
 _ALIKE = 3  # texels that a neighbour's coordinates stand for: itself and those most like it
 _APART = 0.06  # of the patch, between those
-_INCOHERENT = 1.5  # times the error of texels that are only like a neighbour's
-_PASSES = 2  # of correction at each level
+_INCOHERENT = 1.2  # times the error of texels that are only like a neighbour's
+_PASSES = 4  # of correction at each level
 _COARSEST = 2  # powers of two by which the first step is smaller than the patch
 _STRICT = 0.3  # how much less alike than the best a move may be, of the variance
 _DIAGONALS = np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
@@ -116,11 +116,15 @@ def _principal(vectors: NDArray[np.floating], numbers: int) -> Vectors:
 
 
 def _appearance_vectors(patch: Vectors, step: int) -> Vectors:
-    """A level's vectors: the patch as seen at that level's step, with the 5 x 5 texels of it round
-    each weighted by a Gaussian, reduced to principal components."""
-    smooth = _blurred(patch, 0.5 * step) if step > 1 else patch
+    """A level's vectors: the 5 x 5 texels round each texel, and those of the patch as seen at the
+    level's step, weighted by a Gaussian and reduced to principal components.
+
+    Close texels say where in a thread a texel is, which no coarse step does.
+    """
+    close = [(patch, 1), (_blurred(patch, 0.5 * step), step)] if step > 1 else [(patch, 1)]
     parts = [
-        np.exp(-(y**2 + x**2) / 4.0) * np.roll(smooth, (-y * step, -x * step), (0, 1))
+        np.exp(-(y**2 + x**2) / 4.0) * np.roll(seen, (-y * apart, -x * apart), (0, 1))
+        for seen, apart in close
         for y in range(-2, 3)
         for x in range(-2, 3)
     ]

@@ -59,7 +59,7 @@ def reduced_points(
     reduced = np.zeros((len(uv), clusters if apart else 1, count, rank), np.float32)
     coefficients = tables.view[:, :, :, row, column]  # (owners, K_v, quads, n, 4)
     for k, cluster in enumerate(tables.view_index[:, row, column]):
-        for weight, y, x in _taps(np.asarray(uv), tables.core.shape[4:6]):
+        for weight, y, x in taps(np.asarray(uv), tables.core.shape[4:6]):
             texels = tables.core[:, cluster, :, :, y, x]  # (n, C_light, R, quads, 4)
             weights = np.broadcast_to(coefficients[:, k], (count, *coefficients.shape[2:]))
             reduced[points, cluster if apart else 0] += weight[:, None, None] * np.einsum(

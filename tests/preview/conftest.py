@@ -9,16 +9,16 @@ import gpu
 import numpy as np
 import pytest
 
+from addon.preview import context
 from addon.tables.parabolic import texel_directions
 from addon.tables.tables import Tables
-
-collect_ignore: list[str] = []
 
 
 @pytest.fixture
 def need_gpu() -> None:
     if not hasattr(gpu, "init"):
         pytest.skip("Blender 4.5 has no GPU in background")
+    context.need_gpu()
 
 
 @pytest.fixture(autouse=True)

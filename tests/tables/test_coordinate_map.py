@@ -76,7 +76,7 @@ def test_spots_are_laid_anew_without_seams(shape, monkeypatch):
     assert (found >= 0).all() and (found < shape).all()
     assert repeated(found, picture) < 0.15  # of a plain tiling: 1
     error, cuts = seam(found, picture)
-    assert cuts < 0.25 and error < 1.2
+    assert cuts < 0.35 and error < 1.2
     # Squares that are only moved show what a seam is.
     monkeypatch.setattr(coordinate_map, "_PASSES", 0)
     plain = synthesize_coordinates(tables_of(picture), 128, seed=3).astype(int)

@@ -90,12 +90,17 @@ def test_facts_are_drawn_without_reading_a_file(scene, dataset, model, monkeypat
     scene.nacre.dataset, scene.nacre.model = str(dataset), str(model)
     bpy.ops.mesh.primitive_plane_add()
     assert bpy.ops.nacre.create_material() == {"FINISHED"}
-    monkeypatch.setattr(builtins, "open", None)
-    monkeypatch.setattr("os.stat", None)
-    assert "81 lights × 81 views" in draw(by_name("NACRE_PT_import_btf"))
-    assert any("dB" in text for text in draw(by_name("NACRE_PT_create_material")))
-    shown = draw(by_name("NACRE_PT_active_material"))
-    assert shown == ["wool", "light", "default_value", "default_value"]
+    with monkeypatch.context() as without_files:
+        without_files.setattr(builtins, "open", None)
+        without_files.setattr("os.stat", None)
+        dataset_shown, model_shown, shown = (
+            draw(by_name(f"NACRE_PT_{name}"))
+            for name in ("import_btf", "create_material", "active_material")
+        )
+    assert "81 lights × 81 views" in dataset_shown
+    assert any("dB" in text for text in model_shown)
+    assert shown[:4] == ["wool", "lights", "default_value", "default_value"]
+    assert {"model", "occlusion", "final_model", "nacre.update_material"} <= set(shown)
 
 
 def test_only_a_target_asks_for_a_number(scene):

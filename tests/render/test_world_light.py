@@ -6,11 +6,12 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.nodes import world_light
 from addon.nodes.graph import Graph
-from addon.nodes.world_light import read_world, rotation_of, turned
-from addon.render.engines import ENGINES, render_pixels, set_engine
+from addon.nodes.turning import rotation_of, turned
+from addon.render import world_light
+from addon.render.engines import NODE_ENGINES, render_pixels, set_engine
 from addon.render.stage import add_camera, add_mesh, new_scene
+from addon.render.world_light import read_world
 from addon.tables.environment import build_environment, environment_vectors
 from addon.tables.light_lobes import light_lobes
 from addon.tables.parabolic import texel_directions
@@ -145,7 +146,7 @@ def test_a_diffuse_sphere_is_as_in_cycles() -> None:
     assert np.abs(seen[inside] - expected).mean() < 0.02 * expected.mean()
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", NODE_ENGINES)
 def test_frames_turn_with_the_world(engine: str) -> None:
     """By drivers alone: no node changes when the world's rotation does."""
     with new_scene((2, 2)) as scene:
