@@ -46,8 +46,8 @@ from .off_grid import SCENES, measured_dataset
 from .truth import DEFAULT, TITLES, fitted
 
 FRAMES, STEP = 60, 1.5
-SHOT = Shot("cloth", 4, 160, (58.0, 0.0))
-SAMPLES = 64
+SHOT = Shot("cloth", 2, 128, (58.0, 0.0))  # texels are no smaller than pixels
+SAMPLES = 48
 POINTS = 200
 """Points of the surface along each side of the cloth."""
 
@@ -97,7 +97,7 @@ def shots() -> list[Shot]:
 
 def rendered(scene: str, dataset: Dataset, folder: Path) -> NDArray[np.float32]:
     """Cycles' frames (frame, y, x, 4), made where they are not in the folder."""
-    path = folder / f"{scene} turntable {SHOT.size} {SAMPLES}.npy"
+    path = folder / f"{scene} turntable {SHOT.across} {SHOT.size} {SAMPLES}.npy"
     if not path.is_file():
         frames = []
         from_above = Shot(SHOT.object, SHOT.across, SHOT.size, (0.0, 0.0))
@@ -118,7 +118,7 @@ def drawn(
     """Frames (frame, y, x, 3) by how they are drawn."""
     suns = [lights("sun").turned(STEP * frame) for frame in range(FRAMES)]
     turning = list(zip(views, suns, strict=True))
-    path = folder / f"{scene} turntable {SHOT.size} dataset.npy"
+    path = folder / f"{scene} turntable {SHOT.across} {SHOT.size} dataset.npy"
     if not path.is_file():
         np.save(path, [of_dataset(dataset, view, [sun])[0] for view, sun in turning])
     frames = {"dataset": np.load(path)}
