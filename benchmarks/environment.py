@@ -18,13 +18,13 @@ from time import perf_counter
 
 import bpy
 import numpy as np
+from addon.nodes.world_light import follow_world, turned
 from numpy.typing import NDArray
 
 from addon.datasets.dataset import Dataset
 from addon.models.exr import read_picture
 from addon.models.fit import compress, quality_settings
 from addon.nodes.graph import Graph
-from addon.nodes.world_light import follow_world, turned
 from addon.tables.environment import (
     GRID,
     build_environment,

@@ -5,7 +5,7 @@
 The scenes of samples/ are measured at 81 x 81 directions and 64 x 64 texels and compressed with
 MK-CTA into FOLDER, unless they are there already, which takes about an hour. For eight pairs of
 light and view between the measured ones, off_grid.png shows the patch as Cycles renders it with
-many samples, as the model has it, and their FLIP error. Printed are PSNR and FLIP of the model, and
+many samples, as EEVEE shows the model's material, and their FLIP error. Printed are PSNR and FLIP of the model, and
 of the uncompressed dataset interpolated by a thin-plate spline: what is lost between the measured
 directions, and not by compression.
 """
@@ -30,7 +30,10 @@ from addon.models.clustered_tucker import ClusteredTucker
 from addon.models.exr import load_model, save_model
 from addon.models.fit import compress, quality_settings
 from addon.models.interpolation import thin_plate_weights
-from addon.models.resample import resample
+from addon.nodes.material import material_from_tables
+from addon.render.engines import render_pixels
+from addon.render.pictures import flat_scene
+from addon.tables.tables import build_tables
 
 from ._data import OUT
 from ._object_pictures import build
@@ -65,8 +68,7 @@ def main() -> None:
         name = SCENES[scene][0]
         dataset, model = measured(scene, options.folder)
         truth = [srgb(p) for p in in_cycles(scene, dataset, light, view, options.samples)]
-        decoded = resample(model, light, view).decode()
-        seen = [srgb(decoded[i, i]) for i in range(len(light))]
+        seen = [srgb(p) for p in in_eevee(scene, model)]
         between = [srgb(p) for p in interpolated(dataset, light, view)]
         of_model, of_samples = ([score(a, b) for a, b in zip(truth, s, strict=True)]
                                 for s in (seen, between))  # fmt: skip
@@ -119,6 +121,18 @@ def in_cycles(scene_name: str, dataset, light, view, samples: int) -> list[Pixel
                 aim(add_light(instrument.scene), one_light)
                 # Other seeds than the dataset's: it is not to share the noise.
                 found.append(instrument.picture(2**20)[0, ..., :3])
+    return found
+
+
+def in_eevee(name: str, model: ClusteredTucker) -> list[Pixels]:
+    """The model's material (y, x, 3), linear, for each pair of light and view."""
+    _, _, height, width, _ = model.shape
+    material = material_from_tables(build_tables(model), name)
+    found = []
+    with flat_scene(material, (width, height), "eevee") as flat:
+        for light, view in zip(LIGHTS, VIEWS, strict=True):
+            flat.aim(light, view)
+            found.append(render_pixels(flat.scene))
     return found
 
 

@@ -15,6 +15,7 @@ from addon.nodes.light_set import count_of, light_set
 from addon.nodes.material import FINAL_NODE, group_of, groups_of
 from addon.nodes.model_group import lights_of
 from addon.operators import compress, import_btf
+from addon.render import world_light
 
 
 def fails(operator, **options) -> str:
@@ -373,6 +374,49 @@ def test_a_final_model_takes_the_place_of_the_shown_one_while_rendering(scene, m
     assert bpy.ops.nacre.update_material() == {"FINISHED"}
     assert FINAL_NODE not in material.node_tree.nodes
     assert len(bpy.data.images) == images - 4
+
+
+def test_the_world_lights_a_material_and_turns_live(scene, model, monkeypatch):
+    monkeypatch.setattr(world_light, "SIZE", (32, 16))
+    scene.nacre.model = str(model)
+    item = add_mesh(scene, "A")
+    bpy.ops.nacre.create_material()
+    bpy.context.view_layer.objects.active = item
+    scene.world = world = bpy.data.worlds.new("Sky")
+    mapping = add_environment(world)
+    assert bpy.ops.nacre.light_by_world() == {"FINISHED"}
+    group = group_of(item.active_material)
+    add_light(scene)
+    bpy.context.view_layer.update()  # written anew, the world's light stays
+    turning = [node for node in group.nodes if node.type == "MAPPING"]
+    assert len(turning) == 3 and count_of(lights_of(group)) == 1
+    mapping.inputs["Rotation"].default_value[2] = 0.7
+    for _ in range(2):
+        bpy.context.view_layer.update()
+    for node in turning:
+        assert node.inputs["Rotation"].default_value[2] == pytest.approx(0.7)
+    images = len(bpy.data.images)
+    assert bpy.ops.nacre.light_by_world() == {"FINISHED"}
+    assert len(bpy.data.images) == images
+    assert bpy.ops.nacre.light_by_world(remove=True) == {"FINISHED"}
+    assert not [node for node in group.nodes if node.type == "MAPPING"]
+    assert len(bpy.data.images) == images - 1
+
+
+def add_environment(world):
+    """A picture of noise, and the node that turns it."""
+    if world.node_tree is None:
+        world.use_nodes = True
+    tree = world.node_tree
+    texture, mapping, coordinates = (
+        tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexEnvironment", "Mapping", "TexCoord")
+    )
+    texture.image = bpy.data.images.new("Noise", 8, 4, float_buffer=True)
+    tree.links.new(coordinates.outputs["Generated"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs["Vector"], texture.inputs["Vector"])
+    background = next(node for node in tree.nodes if node.type == "BACKGROUND")
+    tree.links.new(texture.outputs["Color"], background.inputs["Color"])
+    return mapping
 
 
 def add_camera(scene):
