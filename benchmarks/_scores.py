@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import flip_evaluator
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +19,7 @@ def srgb(linear: Pixels) -> Pixels:
 def score(truth: Pixels, seen: Pixels, mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
     """PSNR in dB, the mean FLIP error and its map in colours, and SSIM (Wang et al. 2004, with its
     Gaussian window), over the mask's pixels or all, of two sRGB pictures (y, x, 3)."""
+    import flip_evaluator  # with the benchmarks' packages alone
     from skimage.metrics import structural_similarity
 
     reference, test = (np.ascontiguousarray(p, np.float32) for p in (truth, seen))

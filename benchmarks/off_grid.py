@@ -5,9 +5,9 @@
 The scenes of samples/ are measured at 81 x 81 directions and 64 x 64 texels and compressed with
 MK-CTA into FOLDER, unless they are there already, which takes about an hour. For eight pairs of
 light and view between the measured ones, off_grid.png shows the patch as Cycles renders it with
-many samples, as EEVEE shows the model's material, and their FLIP error. Printed are PSNR and FLIP of the model, and
-of the uncompressed dataset interpolated by a thin-plate spline: what is lost between the measured
-directions, and not by compression.
+many samples, as EEVEE shows the model's material, and their FLIP error. Printed are PSNR and FLIP
+of the material, and of the uncompressed dataset interpolated by a thin-plate spline: what is lost
+between the measured directions, and not by compression.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from ..errors import NacreError
 from .clustered_tucker import ClusteredTucker, modes_of
 from .exr_arrays import check_destination, is_model, read_arrays, read_picture, write_arrays
 
-__all__ = ["check_destination", "is_model", "load_model", "read_picture", "save_model"]
+__all__ = ["check_destination", "is_model", "load_btf", "load_model", "read_picture", "save_model"]
 
 
 def save_model(model: ClusteredTucker, path: str | os.PathLike[str]) -> None:
@@ -57,3 +57,14 @@ def load_model(path: str | os.PathLike[str]) -> ClusteredTucker:
         )
     except KeyError as error:
         raise NacreError(f"{path}: the model has no {error}; compress the dataset again") from error
+
+
+def load_btf(path: str | os.PathLike[str]) -> ClusteredTucker:
+    """Read a model to be shown by itself; NacreError also when it is one of occlusion."""
+    model = load_model(path)
+    if model.kind != "btf":
+        raise NacreError(
+            f"{path}: a model of {model.kind} has no colours; give it to a BTF's material as its "
+            "Occlusion"
+        )
+    return model

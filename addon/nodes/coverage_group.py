@@ -10,7 +10,7 @@ import bpy
 from .evaluation import Evaluation
 from .graph import Graph
 from .loops import clear
-from .packed_tables import PackedTables, is_holder, store
+from .packed_tables import PackedTables, is_holder, store, stored
 from .texel_group import make_texel_group
 
 _SOCKETS = (
@@ -35,15 +35,29 @@ def make_coverage_group(
     output.description = "1 where the material covers what is behind it, 0 in its holes"
 
     store(tree, packed)
-    texel = make_texel_group(f"{name} Texel", packed)
+    _write(tree, None)
+    return tree
+
+
+def lay_coverage(tree: bpy.types.ShaderNodeTree, image: bpy.types.Image | None) -> None:
+    """Lay the holes by a map of coordinates, or repeat the patch."""
+    texels = {node.node_tree for node in tree.nodes if node.type == "GROUP"}
+    clear(tree, keep=is_holder)
+    for texel in texels:
+        bpy.data.node_groups.remove(texel)
+    _write(tree, image)
+
+
+def _write(tree: bpy.types.ShaderNodeTree, coordinates: bpy.types.Image | None) -> None:
+    packed = stored(tree)
+    texel = make_texel_group(f"{tree.name} Texel", packed)
     g = Graph(tree)
     inputs = g.node("NodeGroupInput")
     uv, view, threshold, weight = (g.wire(inputs, label) for label, *_ in _SOCKETS)
-    (value,) = Evaluation(g, packed, texel, uv, view).reduced
+    (value,) = Evaluation(g, packed, texel, uv, view, coordinates).reduced
     partly = g.math("MINIMUM", g.math("MAXIMUM", value * weight, 0.0), 1.0)
     whole = g.math("SUBTRACT", 1.0, g.math("LESS_THAN", value, threshold))
     g.node("NodeGroupOutput", g.math("MAXIMUM", partly, whole))
-    return tree
 
 
 def remove_coverage_group(tree: bpy.types.ShaderNodeTree) -> None:

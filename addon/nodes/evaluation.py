@@ -29,11 +29,13 @@ class Evaluation:
         texel_group: bpy.types.ShaderNodeTree,
         uv: Wire,
         view: Wire,
+        coordinates: bpy.types.Image | None = None,
     ) -> None:
-        """`view` is a unit vector in the tangent frame."""
+        """`view` is a unit vector in the tangent frame, `coordinates` a map that lays the material
+        anew."""
         self.packed, self.texel_group = packed, texel_group
         shapes = packed.shapes
-        self.around = taps(g, uv, shapes.height, shapes.width)
+        self.around = taps(g, uv, shapes.height, shapes.width, coordinates)
         place = parabolic(g, view, shapes.size)
         self.view_place = place
         first = -(-shapes.light_mixtures // 4)  # in the index, lights come first

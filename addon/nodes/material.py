@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import bpy
+import numpy as np
 from mathutils import Vector
+from numpy.typing import NDArray
 
 from ..tables.environment import EnvironmentTable
 from ..tables.tables import Tables
-from .coverage_group import make_coverage_group, remove_coverage_group
+from .coordinates import make_coordinates, stored_coordinates
+from .coverage_group import lay_coverage, make_coverage_group, remove_coverage_group
 from .frame_group import frame_group
 from .graph import Graph, Wire
 from .light_set import Owner, bring_up_to_date, light_set
@@ -17,6 +20,7 @@ from .model_group import (
     lights_of,
     make_model_group,
     remove_model_group,
+    show_coordinates,
     show_environment,
     show_lights,
     show_tables,
@@ -96,6 +100,7 @@ def set_coverage(
     group = make_coverage_group(name, pack(name, tables), mapping)
     g = Graph(tree)
     uv, view = (Wire(g, model.inputs[label].links[0].from_socket) for label in ("UV", "View"))
+    lay_coverage(group, stored_coordinates(group_of(material)))
     coverage = g.node("ShaderNodeGroup", uv, view, node_tree=group)
     coverage.name = coverage.label = COVERAGE_NODE
     hole = g.node("ShaderNodeBsdfTransparent")
@@ -104,6 +109,24 @@ def set_coverage(
     g.connect(g.wire(mix), surface)
     for node, shift in ((coverage, (0, 300)), (hole, (200, 300)), (mix, (300, 150))):
         node.location, node.hide = model.location + Vector(shift), False
+
+
+def set_coordinates(material: bpy.types.Material, coordinates: NDArray[np.integer] | None) -> None:
+    """Lay a material by a map of its patch's texels (H, W, 2), row and column, that hides that it
+    repeats (tables.coordinate_map); None repeats the patch. Final models must have as many texels.
+    """
+    groups = groups_of(material)
+    before = stored_coordinates(groups[0])
+    image = None
+    if coordinates is not None:
+        image = make_coordinates(f"Nacre {material.name} Coordinates", coordinates)
+    for group in groups:
+        show_coordinates(group, image)
+    coverage = material.node_tree.nodes.get(COVERAGE_NODE)
+    if coverage is not None:
+        lay_coverage(coverage.node_tree, image)
+    if before is not None:
+        bpy.data.images.remove(before)
 
 
 def set_environment(

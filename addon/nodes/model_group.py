@@ -12,6 +12,7 @@ from dataclasses import replace
 import bpy
 
 from ..tables.environment import EnvironmentTable
+from .coordinates import store_coordinates, stored_coordinates
 from .environment_light import environment_radiance
 from .evaluation import Evaluation
 from .graph import Graph, Wire
@@ -113,6 +114,12 @@ def show_lights(tree: bpy.types.ShaderNodeTree, lights: bpy.types.ShaderNodeTree
     _write(tree, stored(tree), lights)
 
 
+def show_coordinates(tree: bpy.types.ShaderNodeTree, image: bpy.types.Image | None) -> None:
+    """Lay the material by a map of coordinates, or repeat the patch."""
+    store_coordinates(tree, image)
+    show_lights(tree, lights_of(tree))
+
+
 def follow_turned_world(tree: bpy.types.ShaderNodeTree) -> None:
     """Let a group's environment follow an edit of its world's rotation."""
     environment = stored_environment(tree)
@@ -150,7 +157,8 @@ def _write(
     total = g.combine(0.0, 0.0, 0.0)
     environment = stored_environment(tree)
     if directions or environment:
-        evaluation = Evaluation(g, packed, tree.nodes[_TEXEL].node_tree, uv, view)
+        texel_group = tree.nodes[_TEXEL].node_tree
+        evaluation = Evaluation(g, packed, texel_group, uv, view, stored_coordinates(tree))
     if directions:
 
         def add_light(g: Graph, index: Wire | int, state: list[Wire]) -> list[Wire]:

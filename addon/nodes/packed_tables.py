@@ -122,26 +122,31 @@ def stored(tree: bpy.types.ShaderNodeTree) -> PackedTables:
     return PackedTables(shapes, **atlases)
 
 
-def unpack_lights(packed: PackedTables) -> Tables:
-    """Tables with what they say of lights, and no texels."""
+def unpack(packed: PackedTables) -> Tables:
+    """The tables of a BTF that were packed."""
     shapes, size = packed.shapes, packed.shapes.size
-    blocks = cut_out(packed.light, shapes.channels * shapes.light_quads, size, size)
-    light = blocks.reshape(
-        *blocks.shape[:2], shapes.channels, shapes.light_quads, size, size, 4
-    ).transpose(1, 2, 0, 3, 4, 5, 6)
-    tiles = cut_out(packed.index, -(-shapes.light_mixtures // 4), size, size)[0, 0]
-    index = np.moveaxis(tiles, -1, 1).reshape(-1, size, size)[: shapes.light_mixtures]
-    index = np.rint(index * shapes.clusters[0]).astype(np.uint32)
+    tiles = shapes.light_rank * shapes.view_quads
+    core = cut_out(packed.core, tiles, shapes.height, shapes.width)
+    light = cut_out(packed.light, shapes.channels * shapes.light_quads, size, size)
+    light = light.reshape(*light.shape[:2], shapes.channels, shapes.light_quads, size, size, 4)
+    view = cut_out(packed.view, shapes.view_mixtures * shapes.view_quads, size, size)
+    first = -(-shapes.light_mixtures // 4)
+    index = cut_out(packed.index, first - (-shapes.view_mixtures // 4), size, size)[0, 0]
+
+    def clusters(tiles: np.ndarray, mixtures: int, count: int) -> np.ndarray:
+        parts = np.moveaxis(tiles, -1, 1).reshape(-1, size, size)[:mixtures]
+        return np.rint(parts * count).astype(np.uint32)
+
     return Tables(
-        core=np.zeros(
-            (*shapes.clusters, shapes.light_rank, shapes.view_quads, 0, 0, 4), np.float32
+        core=core.reshape(
+            *shapes.clusters, shapes.light_rank, shapes.view_quads, shapes.height, shapes.width, 4
         ),
-        light=light,
-        view=np.zeros(
-            (shapes.view_owners, shapes.view_mixtures, shapes.view_quads, 0, 0, 4), np.float32
+        light=np.moveaxis(light, 0, 2),
+        view=view.reshape(
+            shapes.view_owners, shapes.view_mixtures, shapes.view_quads, size, size, 4
         ),
-        light_index=index,
-        view_index=np.zeros((shapes.view_mixtures, 0, 0), np.uint32),
+        light_index=clusters(index[:first], shapes.light_mixtures, shapes.clusters[0]),
+        view_index=clusters(index[first:], shapes.view_mixtures, shapes.clusters[1]),
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import bpy
 
+from .atlas import Atlas
 from .graph import Graph, Wire
 from .lookups import Lookup
 from .packed_tables import PackedTables
@@ -21,10 +22,16 @@ class Tap:
     weight: Wire
 
 
-def taps(g: Graph, uv: Wire, height: int, width: int) -> list[Tap]:
-    """The four texels round a point of a patch that repeats."""
+def taps(
+    g: Graph, uv: Wire, height: int, width: int, coordinates: bpy.types.Image | None = None
+) -> list[Tap]:
+    """The four texels round a point of a patch that repeats; with a map of coordinates, those that
+    it has in their place (nodes.coordinates)."""
+    sizes = (width, height) if coordinates is None else tuple(coordinates.size)
     texels, weights = [], []
-    for coordinate, size in zip(g.separate(uv), (width, height), strict=False):
+    for coordinate, size, own in zip(g.separate(uv), sizes, (width, height), strict=False):
+        if size != own:
+            coordinate = coordinate * (own / size)
         place = g.math("FRACT", coordinate) * float(size) - 0.5
         corner = g.math("FLOOR", place)
         along = place - corner
@@ -32,10 +39,16 @@ def taps(g: Graph, uv: Wire, height: int, width: int) -> list[Tap]:
             [g.math("FLOORED_MODULO", corner + float(step), float(size)) for step in (0, 1)]
         )
         weights.append([g.operate("SUBTRACT", 1.0, along), along])
+    corners = [(ix, iy) for iy in (0, 1) for ix in (0, 1)]
+    places = [(texels[0][ix], texels[1][iy]) for ix, iy in corners]
+    if coordinates is not None:
+        atlas = Atlas(coordinates, 1, 1, 1, 1)
+        across, up = (1.0 / size for size in sizes)
+        found = [Lookup(g, atlas, (x + 0.5) * across, (y + 0.5) * up) for x, y in places]
+        places = [tuple(place.fetch(0)[:2]) for place in found]
     return [
-        Tap(texels[0][ix], texels[1][iy], weights[0][ix] * weights[1][iy])
-        for iy in (0, 1)
-        for ix in (0, 1)
+        Tap(x, y, weights[0][ix] * weights[1][iy])
+        for (x, y), (ix, iy) in zip(places, corners, strict=True)
     ]
 
 

@@ -6,6 +6,7 @@ from . import (
     compress,
     create_material,
     export_btf,
+    hide_repetition,
     import_btf,
     light_by_world,
     measure,
@@ -21,6 +22,7 @@ CLASSES = (
     create_material.NACRE_OT_create_material,
     update_material.NACRE_OT_update_material,
     light_by_world.NACRE_OT_light_by_world,
+    hide_repetition.NACRE_OT_hide_repetition,
     compare_with_cycles.NACRE_OT_compare_with_cycles,
     cancel.NACRE_OT_cancel,
 )

@@ -24,7 +24,7 @@ class NACRE_OT_create_material(JobOperator, bpy.types.Operator):
         return is_ready(cls)
 
     def prepare(self, context: bpy.types.Context) -> Work:
-        from ..models.exr import load_model
+        from ..models.exr import load_btf
         from ..tables.tables import build_tables
 
         path = Path(bpy.path.abspath(context.scene.nacre.model))
@@ -32,7 +32,7 @@ class NACRE_OT_create_material(JobOperator, bpy.types.Operator):
 
         def work(progress: Progress) -> Any:
             progress(0.0, "Reading the model")
-            return build_tables(load_model(path), progress=progress)
+            return build_tables(load_btf(path), progress=progress)
 
         return work
 

@@ -36,7 +36,7 @@ class NACRE_OT_light_by_world(JobOperator, bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Work:
         from ..nodes.material import groups_of
-        from ..nodes.packed_tables import stored, unpack_lights
+        from ..nodes.packed_tables import stored, unpack
         from ..render.world_light import read_world
         from ..tables.environment import build_environment
         from ..tables.light_lobes import light_lobes
@@ -47,7 +47,7 @@ class NACRE_OT_light_by_world(JobOperator, bpy.types.Operator):
             return lambda progress: [None] * len(groups)
         self._light = read_world(context.scene.world)
         self._world = context.scene.world.name if context.scene.world else ""
-        lights = [unpack_lights(stored(group)) for group in groups]
+        lights = [unpack(stored(group)) for group in groups]
 
         def work(progress: Progress) -> Any:
             found = []

@@ -29,6 +29,9 @@ class NACRE_PT_active_material(SidebarPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("nacre.light_by_world", icon="WORLD")
         row.operator("nacre.light_by_world", text="", icon="X").remove = True
+        row = layout.row(align=True)
+        row.operator("nacre.hide_repetition", icon="TEXTURE")
+        row.operator("nacre.hide_repetition", text="", icon="X").remove = True
         layout.prop(material.nacre, "model")
         layout.prop(material.nacre, "occlusion", placeholder="None")
         layout.prop(material.nacre, "final_model", placeholder="Same")

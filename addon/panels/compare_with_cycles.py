@@ -5,9 +5,8 @@ import bpy
 from .layout import SidebarPanel, draw_facts, draw_step, property_column
 
 
-class NACRE_PT_compare_with_cycles(SidebarPanel, bpy.types.Panel):
+class _Comparison(SidebarPanel):
     bl_label = "Compare with Cycles"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         chosen = context.scene.nacre.comparison
@@ -18,6 +17,9 @@ class NACRE_PT_compare_with_cycles(SidebarPanel, bpy.types.Panel):
             draw_facts(context, layout, chosen.facts)
 
 
-class NACRE_PT_compare_in_images(NACRE_PT_compare_with_cycles):
+class NACRE_PT_compare_with_cycles(_Comparison, bpy.types.Panel):
+    bl_options = {"DEFAULT_CLOSED"}
+
+
+class NACRE_PT_compare_in_images(_Comparison, bpy.types.Panel):
     bl_space_type = "IMAGE_EDITOR"
-    bl_options = set()

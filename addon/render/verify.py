@@ -17,7 +17,7 @@ from ..preview.flat import FlatEvaluator
 from ..tables.against_model import tables_against_model
 from ..tables.evaluate import evaluate_patch
 from ..tables.tables import Tables, build_tables
-from .engines import render_pixels
+from .engines import engines_here, render_pixels
 from .pictures import Direction, flat_scene
 from .stage import unit
 
@@ -27,10 +27,11 @@ PAIRS = 12
 
 def verify(
     model: ClusteredTucker,
-    engines: Sequence[str],
+    engines: Sequence[str] | None = None,
     progress: Callable[[float, str], bool] | None = None,
 ) -> dict[str, dict[str, float]]:
-    """Errors of each evaluator, absolute and relative to the mean of what it is compared with.
+    """Errors of each evaluator, absolute and relative to the mean of what it is compared with; of
+    all engines that run here when none are named.
 
     Engines' pictures of the flat patch are compared with the same tables evaluated on the CPU, and
     under "tables" the tables with the model itself on the whole measured grid, clamped at 0. Under
@@ -43,6 +44,7 @@ def verify(
 
     step(0.0, "Building tables")
     tables = build_tables(model)
+    engines = engines or engines_here()
     results: dict[str, dict[str, float]] = {"tables": tables_against_model(model, tables)}
     _, _, height, width, _ = model.shape
     for number, engine in enumerate(engines):

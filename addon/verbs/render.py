@@ -28,14 +28,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     need_blender()
-    from ..models.exr import load_model
+    from ..models.exr import load_btf
     from ..render.engines import check_picture, render_to
     from ..render.pictures import flat_scene, object_scene
 
     check_picture(options.out, options.engine)
     if options.model.suffix == ".blend":
         return _render_scene(options)
-    model = load_model(options.model)
+    model = load_btf(options.model)
     started = time.monotonic()
     if options.engine == "glsl":
         from ..render.glsl import flat_picture, object_picture

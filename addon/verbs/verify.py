@@ -18,12 +18,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     need_blender()
-    from ..models.exr import load_model
-    from ..render.engines import ENGINES, engines_here
+    from ..models.exr import load_btf
+    from ..render.engines import ENGINES
     from ..render.verify import verify
 
-    engines = options.engine or engines_here()
-    for engine in engines:
+    for engine in options.engine or ():
         if engine not in ENGINES:
             raise NacreError(f"engine {engine!r}: expected one of {', '.join(ENGINES)}")
-    return verify(load_model(options.model), engines, progress)
+    model = load_btf(options.model)
+    return verify(model, options.engine, progress)

@@ -187,7 +187,7 @@ def test_mistakes_are_one_line(command, words, run, folder):
 )
 def test_what_shows_models_refuses_occlusion(command, run, folder):
     pytest.importorskip("bpy", reason="Blender is not installed")
-    assert "a model of occlusion cannot be shown yet" in run(command, status=2)
+    assert "a model of occlusion has no colours" in run(command, status=2)
 
 
 def test_what_is_for_occlusion_refuses_a_btf(nacre, listing):

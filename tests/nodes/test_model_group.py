@@ -17,9 +17,11 @@ from addon.nodes.material import (
     MODEL_NODE,
     is_nacre_material,
     material_from_tables,
+    set_coordinates,
     set_lights,
     set_tables,
 )
+from addon.nodes.packed_tables import pack, unpack
 from addon.render.engines import NODE_ENGINES, render_pixels, set_engine
 from addon.render.pictures import flat_scene
 from addon.render.stage import add_camera, add_mesh, add_sun, new_scene, unit
@@ -176,6 +178,35 @@ def test_other_tables_in_place(tables: Tables) -> None:
     expected = evaluate_patch(other, unit((30.0, 60.0))[None], unit((60.0, 90.0))[None])[0, 0]
     assert np.abs(seen - expected).mean() < 0.005 * expected.mean()
     assert len(material.node_tree.links) == links - 1  # flat pictures take the view away
+
+
+@pytest.mark.parametrize("engine", NODE_ENGINES)
+def test_a_map_of_coordinates_lays_the_patch_anew(engine: str, tables: Tables) -> None:
+    """Any texel may follow any other; without the map the patch is as it was."""
+    rng = np.random.default_rng(5)
+    coordinates = np.stack([rng.integers(0, 12, (24, 16)), rng.integers(0, 10, (24, 16))], -1)
+    material = material_from_tables(tables, "Test")
+    light, view = (30.0, 60.0), (60.0, 90.0)
+    patch = evaluate_patch(tables, unit(light)[None], unit(view)[None])[0, 0]
+    # A UV unit is one patch of 10 x 12 texels, of which the picture has one for each pixel.
+    for laid in (coordinates, None):
+        set_coordinates(material, laid)
+        with flat_scene(material, (10, 12), engine) as flat:
+            flat.aim(light, view)
+            seen = render_pixels(flat.scene)
+        y, x = np.indices((12, 10)) if laid is None else np.moveaxis(laid[:12, :10], -1, 0)
+        expected = patch[y, x]
+        assert np.abs(seen - expected).mean() < 0.01 * expected.mean()
+    assert len([image for image in bpy.data.images if image.type == "IMAGE"]) == 4
+
+
+def test_packed_tables_come_out_again() -> None:
+    model = small_model((12, 14, 10, 12, 3), **{"shared": ("light",), **KINDS["mkcta"]})
+    tables = build_tables(model, 32)
+    packed = pack("Test", tables)
+    again = unpack(packed)
+    for name in ("core", "light", "view", "light_index", "view_index"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(tables, name))
 
 
 def test_no_light_below_the_horizon(tables: Tables) -> None:
