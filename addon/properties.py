@@ -3,20 +3,10 @@
 import bpy
 from bpy.props import EnumProperty, FloatProperty, PointerProperty, StringProperty
 
+from .comparison_properties import NACRE_PG_comparison
 from .errors import NacreError
 from .facts import dataset_facts, expected_model, model_facts
 from .measurement_properties import NACRE_PG_measurement
-from .nodes.light_group import KINDS
-
-
-def _is_light(_owner: bpy.types.PropertyGroup, item: bpy.types.Object) -> bool:
-    return item.type == "LIGHT" and item.data.type in KINDS
-
-
-def first_light(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """The light that a material follows when the user picked none."""
-    return next((item for item in scene.objects if _is_light(scene, item)), None)
-
 
 TARGETS = {"TARGET_DB": "target_db", "TARGET_MB": "target_mb"}
 """Qualities that a search reaches, and the property that holds each."""
@@ -57,6 +47,11 @@ class NACRE_PG_scene(bpy.types.PropertyGroup):
         description="What is measured with Cycles, and how",
         type=NACRE_PG_measurement,
     )
+    comparison: PointerProperty(
+        name="Comparison",
+        description="The scene in EEVEE beside Cycles",
+        type=NACRE_PG_comparison,
+    )
     dataset: StringProperty(
         name="Dataset",
         description="Folder of the imported or measured samples, NAME.nacre",
@@ -74,8 +69,7 @@ class NACRE_PG_scene(bpy.types.PropertyGroup):
             (
                 "MKCTA",
                 "MK-CTA",
-                "Each view and each light mixes a few clusters: best quality on glossy surfaces. "
-                "A material cannot show it yet",
+                "Each view and each light mixes a few clusters: best quality on glossy surfaces",
             ),
         ),
         default="KCTA",
@@ -130,31 +124,48 @@ class NACRE_PG_scene(bpy.types.PropertyGroup):
         update=_model_set,
     )
     model_facts: StringProperty(options={"HIDDEN"})
-    light: PointerProperty(
-        name="Light",
-        description="Sun, point or spot that lights the new material; if empty, the scene's first",
-        type=bpy.types.Object,
-        poll=_is_light,
+    lights: PointerProperty(
+        name="Lights",
+        description="Suns, points, spots and areas of this collection light the new material; if "
+        "empty, those of the scene",
+        type=bpy.types.Collection,
     )
 
 
-def _light_set(self: "NACRE_PG_material", _context: bpy.types.Context) -> None:
-    from .nodes.material import is_nacre_material, set_light
+def _lights_set(self: "NACRE_PG_material", context: bpy.types.Context) -> None:
+    from .nodes.material import is_nacre_material, set_lights
 
     if is_nacre_material(self.id_data):
-        set_light(self.id_data, self.light)
+        set_lights(self.id_data, self.lights or context.scene)
 
 
 class NACRE_PG_material(bpy.types.PropertyGroup):
     """What the user may change about a material that shows a model."""
 
-    light: PointerProperty(
-        name="Light",
-        description="Sun, point or spot that lights this material, followed live",
-        type=bpy.types.Object,
-        poll=_is_light,
-        update=_light_set,
+    lights: PointerProperty(
+        name="Lights",
+        description="Suns, points, spots and areas of this collection light this material, "
+        "followed live; if empty, those of the scene",
+        type=bpy.types.Collection,
+        update=_lights_set,
+    )
+    model: StringProperty(
+        name="Model",
+        description="File of the model that this material shows; Update reads it",
+        subtype="FILE_PATH",
+    )
+    occlusion: StringProperty(
+        name="Occlusion",
+        description="File of a model of occlusion that gives this material its holes; Update reads "
+        "it. If empty, it has none",
+        subtype="FILE_PATH",
+    )
+    final_model: StringProperty(
+        name="Final Model",
+        description="File of the model that replaces it while a final render runs, of a higher "
+        "quality for instance; Update reads it. If empty, the same model",
+        subtype="FILE_PATH",
     )
 
 
-CLASSES = (NACRE_PG_measurement, NACRE_PG_scene, NACRE_PG_material)
+CLASSES = (NACRE_PG_measurement, NACRE_PG_comparison, NACRE_PG_scene, NACRE_PG_material)

@@ -13,13 +13,9 @@ directions, and not by compression.
 from __future__ import annotations
 
 import argparse
-import importlib.util
 from pathlib import Path
 
-import bpy
-import flip_evaluator
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from addon.datasets.dataset import Dataset, open_dataset
@@ -37,9 +33,10 @@ from addon.models.interpolation import thin_plate_weights
 from addon.models.resample import resample
 
 from ._data import OUT
+from ._object_pictures import build
 from ._report import table
+from ._scores import Pixels, score, srgb
 
-ROOT = Path(__file__).resolve().parents[1]
 # Of each scene: its name for people, the patch's size in metres, None for the object's own, and how
 # it is measured.
 SCENES = {
@@ -53,8 +50,6 @@ ZOOM = 2
 # (theta, phi) in degrees: between the rings of the 81 directions, and between their neighbours.
 LIGHTS = [(7, 30), (22, 75), (38, 200), (52, 310), (66, 40), (37, 130), (52, 170), (24, 260)]
 VIEWS = [(22, 200), (38, 310), (7, 100), (37, 55), (22, 280), (66, 250), (53, 20), (67, 150)]
-
-Pixels = NDArray[np.float32]
 
 
 def main() -> None:
@@ -96,28 +91,20 @@ def main() -> None:
 
 def measured(scene: str, folder: Path) -> tuple[Dataset, ClusteredTucker]:
     """The dataset and the model of a scene, made where they are not there."""
-    path, file = folder / f"{scene}.nacre", folder / f"{scene}.exr"
-    if not path.is_dir():
-        _, size, settings = SCENES[scene]
-        with open_patch(build(scene), size) as patch:
-            measure_btf(patch, path, ubo_81(), ubo_81(), settings)
-    dataset = open_dataset(path)
+    dataset, file = measured_dataset(scene, folder), folder / f"{scene}.exr"
     if not file.is_file():
         save_model(compress(dataset, METHOD, **quality_settings(dataset, METHOD, QUALITY)), file)
     return dataset, load_model(file)
 
 
-def build(scene: str) -> bpy.types.ID:
-    """What is to be measured of a scene of samples/, in a file of its own."""
-    spec = importlib.util.spec_from_file_location(scene, ROOT / "samples" / f"{scene}.py")
-    module = importlib.util.module_from_spec(spec)
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    spec.loader.exec_module(module)
-    item = module.build()
-    if isinstance(item, bpy.types.Object):
-        bpy.context.scene.collection.objects.link(item)
-        bpy.context.view_layer.update()
-    return item
+def measured_dataset(scene: str, folder: Path) -> Dataset:
+    """The dataset of a scene, measured where it is not there."""
+    path = folder / f"{scene}.nacre"
+    if not path.is_dir():
+        _, size, settings = SCENES[scene]
+        with open_patch(build(scene), size) as patch:
+            measure_btf(patch, path, ubo_81(), ubo_81(), settings)
+    return open_dataset(path)
 
 
 def in_cycles(scene_name: str, dataset, light, view, samples: int) -> list[Pixels]:
@@ -143,20 +130,6 @@ def interpolated(dataset, light, view) -> list[Pixels]:
     for number, samples in enumerate(dataset.samples):
         lit += of_light[:, number, None, None, None, None] * np.asarray(samples, np.float32)
     return [np.tensordot(of_view[i], lit[i], 1) for i in range(len(light))]
-
-
-def srgb(linear: Pixels) -> Pixels:
-    """As shown: sRGB in [0, 1], top row first."""
-    value = np.clip(linear[::-1], 0.0, 1.0)
-    return np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
-
-
-def score(truth: Pixels, seen: Pixels) -> dict:
-    """PSNR in dB of sRGB values, the mean FLIP error, and its map in colours."""
-    reference, test = (np.ascontiguousarray(p, np.float32) for p in (truth, seen))
-    colours, mean, _ = flip_evaluator.evaluate(reference, test, "LDR")
-    psnr = -10 * np.log10(np.square(reference - test).mean())
-    return {"PSNR": psnr, "FLIP": mean, "map": colours}
 
 
 if __name__ == "__main__":

@@ -34,11 +34,6 @@ class Atlas:
         """The size of one tile in the image's texture coordinates."""
         return 1.0 / (self.across * self.columns), 1.0 / (self.up * self.rows), 0.0
 
-    def offset(self, tile: int) -> tuple[float, float, float]:
-        """Where a tile begins within its block."""
-        row, column = divmod(tile, self.columns)
-        return column * self.scale[0], row * self.scale[1], 0.0
-
 
 def make_atlas(name: str, blocks: NDArray[np.float32]) -> Atlas:
     """Lay out blocks (across, up, tiles, Y, X, 4) in a packed image.
@@ -69,6 +64,15 @@ def lay_out(name: str, blocks: NDArray[np.float32]) -> tuple[NDArray[np.float32]
         up * rows * height, across * columns * width, 4
     )
     return pixels, columns, rows
+
+
+def cut_out(atlas: Atlas, tiles: int, height: int, width: int) -> NDArray[np.float32]:
+    """What make_atlas laid out: blocks (across, up, tiles, Y, X, 4)."""
+    pixels = np.empty(atlas.image.size[0] * atlas.image.size[1] * 4, np.float32)
+    atlas.image.pixels.foreach_get(pixels)
+    grid = pixels.reshape(atlas.up, atlas.rows, height, atlas.across, atlas.columns, width, 4)
+    blocks = grid.transpose(3, 0, 1, 4, 2, 5, 6)
+    return blocks.reshape(atlas.across, atlas.up, -1, height, width, 4)[:, :, :tiles]
 
 
 def make_image(name: str, pixels: NDArray[np.float32]) -> bpy.types.Image:

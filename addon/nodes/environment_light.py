@@ -7,53 +7,12 @@ Closest and mixed by hand. Turning the world is turning the frame that goes in.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import pi
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..tables.environment import EnvironmentTable
-from .atlas import Atlas, lay_out, make_image
 from .evaluation import Evaluation
 from .graph import Graph, Operand, Wire
 from .loops import choose, repeat
-
-
-@dataclass(frozen=True)
-class PackedEnvironment:
-    """An environment table as an image, whose values are to be multiplied with the table's scale.
-
-    Clusters of lights go across and those of views up, as in the model's own images.
-    """
-
-    atlas: Atlas
-    grid: int
-    channels: int
-
-
-def pack_environment(name: str, table: EnvironmentTable) -> PackedEnvironment:
-    """Make the image of an environment. Raises NacreError when it does not fit a texture."""
-    blocks = _blocks(table)
-    pixels, columns, rows = lay_out(name, blocks)
-    image = make_image(name, pixels)
-    image.use_half_precision = True  # as the table is
-    atlas = Atlas(image, *blocks.shape[:2], columns, rows)
-    return PackedEnvironment(atlas, table.grid, table.vectors.shape[1])
-
-
-def refill_environment(packed: PackedEnvironment, table: EnvironmentTable) -> None:
-    """Put another environment of the same model into an image: nothing is compiled anew.
-
-    ValueError for a table of another shape.
-    """
-    image = packed.atlas.image
-    pixels, _, _ = lay_out(image.name, _blocks(table))
-    if (image.size[1], image.size[0]) != pixels.shape[:2] or packed.grid != table.grid:
-        raise ValueError("table: expected one of the same model and grid")
-    image.pixels.foreach_set(pixels.ravel())
-    image.pack()
-    image.update()
+from .packed_environment import PackedEnvironment
 
 
 def environment_radiance(
@@ -65,9 +24,7 @@ def environment_radiance(
     normal: Wire,
 ) -> list[Wire]:
     """Each channel of the radiance over the table's scale, clamped at 0."""
-    places, weights = zip(
-        *corners(g, tangent, bitangent, normal, environment.grid, environment.atlas), strict=True
-    )
+    places, weights = zip(*corners(g, tangent, bitangent, normal, environment.grid), strict=True)
     clusters = evaluation.packed.shapes.clusters[0]
 
     def add_cluster(g: Graph, index: Wire | int, state: list[Wire]) -> list[Wire]:
@@ -75,11 +32,9 @@ def environment_radiance(
         reduced = evaluation.reduced or evaluation.contract(g, across)
 
         def add_corner(g: Graph, index: Wire | int, state: list[Wire]) -> list[Wire]:
-            at = choose(g, index, places)
-            if isinstance(across, Wire):
-                at = g.operate("ADD", at, g.combine(across, 0.0))
+            x, y, _ = g.separate(choose(g, index, places))
             zeros = [0.0] * environment.channels
-            values = evaluation.rows(g, environment.atlas, at, reduced, zeros)
+            values = evaluation.rows(g, environment.atlas, (x, y), across, reduced, zeros)
             weight = choose(g, index, weights)
             return [
                 g.math("MULTIPLY_ADD", value, weight, before)
@@ -93,10 +48,10 @@ def environment_radiance(
 
 
 def corners(
-    g: Graph, tangent: Wire, bitangent: Wire, normal: Wire, grid: int, atlas: Atlas
+    g: Graph, tangent: Wire, bitangent: Wire, normal: Wire, grid: int
 ) -> list[tuple[Wire, Wire]]:
-    """Place and weight of the grid points round a frame, unit vectors in the environment's world
-    (tables.orientations.corners_of)."""
+    """Place in parts of a tile and weight of the grid points round a frame, unit vectors in the
+    environment's world (tables.orientations.corners_of)."""
     left = g.math("LESS_THAN", g.dot(g.cross(tangent, bitangent), normal), 0.0)
     bitangent = bitangent * g.math("MULTIPLY_ADD", left, -2.0, 1.0)
     tx, by, nz = g.separate(tangent)[0], g.separate(bitangent)[1], g.separate(normal)[2]
@@ -131,7 +86,7 @@ def corners(
     outward = g.operate("SIGN", coordinates)
     # Rows are y of the half turn's cube, columns z and x.
     row = g.math("MULTIPLY_ADD", left, 4.0, turn) * float(grid) + (middle + 0.5)
-    across, down = atlas.scale[0] / grid**2, atlas.scale[1] / (8 * grid)
+    across, down = 1.0 / grid**2, 1.0 / (8 * grid)
 
     def place(steps: tuple[Wire, Wire, Wire] | float) -> Wire:
         step = steps if isinstance(steps, float) else g.combine(*steps)
@@ -150,11 +105,3 @@ def corners(
         (place(larger), second - least),
         (place(1.0), least),
     ]
-
-
-def _blocks(table: EnvironmentTable) -> NDArray[np.float32]:
-    """(C_light, owners, channels * quads, 8 G, G * G, 4)."""
-    owners, _, clusters, _ = table.vectors.shape[:4]
-    grid = table.grid
-    vectors = np.moveaxis(table.vectors, 2, 0)
-    return vectors.reshape(clusters, owners, -1, 8 * grid, grid * grid, 4).astype(np.float32)

@@ -13,7 +13,7 @@ import bpy
 
 from .atlas import Atlas
 from .graph import Graph, Operand, Wire
-from .lookups import fetch, parabolic, within
+from .lookups import look_up, parabolic
 from .loops import choose, repeat
 from .packed_tables import PackedTables
 from .texel_group import contract_view, taps
@@ -35,7 +35,7 @@ class Evaluation:
         shapes = packed.shapes
         self.around = taps(g, uv, shapes.height, shapes.width)
         place = parabolic(g, view, shapes.size)
-        self.view_place = within(g, packed.view, place)
+        self.view_place = place
         first = -(-shapes.light_mixtures // 4)  # in the index, lights come first
         self.view_clusters = self._clusters(g, place, shapes.view_mixtures, first, 1)
         self.reduced = self.contract(g, None) if shapes.reduced_once else None
@@ -44,15 +44,13 @@ class Evaluation:
         """Each channel for one light, a unit vector in the tangent frame, clamped at 0."""
         shapes = self.packed.shapes
         place = parabolic(g, light, shapes.size)
-        at = within(g, self.packed.light, place)
         clusters = self._clusters(g, place, shapes.light_mixtures, 0, 0)
 
         def add_mixture(g: Graph, index: Wire | int, state: list[Wire]) -> list[Operand]:
             reduced = self.reduced or self.contract(g, choose(g, index, clusters))
-            here = at
-            if shapes.light_mixtures > 1:
-                here = g.operate("ADD", at, g.combine(index * (1.0 / shapes.light_mixtures), 0.0))
-            return self.rows(g, self.packed.light, here, reduced, state)
+            return self.rows(
+                g, self.packed.light, place, index * (1.0 / shapes.light_mixtures), reduced, state
+            )
 
         value = repeat(g, shapes.light_mixtures, [0.0] * shapes.channels, add_mixture)
         above = g.math("GREATER_THAN", g.separate(light)[2], 0.0)
@@ -64,34 +62,29 @@ class Evaluation:
         """Where the clusters of a direction begin, as parts of the width or height of an atlas."""
         if self.packed.shapes.clusters[axis] == 1:
             return [0.0] * mixtures
-        at = within(g, self.packed.index, place)
+        index = look_up(g, self.packed.index, place)
         found: list[Operand] = []
         while len(found) < mixtures:
-            found += fetch(g, self.packed.index, at, tile + len(found) // 4)
+            found += index.fetch(tile + len(found) // 4)
         return found[:mixtures]
 
     def contract(self, g: Graph, light_cluster: Operand | None) -> list[Wire]:
         """Reduced light vectors for one of a light's clusters, or for all lights."""
         shapes = self.packed.shapes
         across = 0.0 if light_cluster is None else light_cluster
-        at = self.view_place
-        if shapes.view_owners > 1:
-            at = g.operate("ADD", at, g.combine(across, 0.0))
-        coefficients = [
-            value
-            for tile in range(shapes.view_mixtures * shapes.view_quads)
-            for value in fetch(g, self.packed.view, at, tile)
-        ]
-        blocks = [g.combine(across, cluster) for cluster in self.view_clusters]
-        return contract_view(
-            g, self.texel_group, self.packed, self.around, [*blocks, *coefficients]
-        )
+        own = across if shapes.view_owners > 1 else 0.0
+        rows = look_up(g, self.packed.view, self.view_place, x=own)
+        tiles = range(shapes.view_mixtures * shapes.view_quads)
+        coefficients = [value for tile in tiles for value in rows.fetch(tile)]
+        operands = [across, *self.view_clusters, *coefficients]
+        return contract_view(g, self.texel_group, self.packed, self.around, operands)
 
     def rows(
         self,
         g: Graph,
         atlas: Atlas,
-        at: Wire,
+        place: tuple[Wire, Wire],
+        across: Operand,
         reduced: Sequence[Wire],
         state: Sequence[Operand],
     ) -> list[Operand]:
@@ -101,15 +94,11 @@ class Evaluation:
         sums = list(state)
         for number, cluster in enumerate(self.view_clusters if shapes.views_apart else [None]):
             vector = reduced[number * shapes.light_rank : (number + 1) * shapes.light_rank]
-            here = at
-            if cluster is not None:
-                # Cycles keeps at most 255 live values, and reads textures as soon as it can: let
-                # these wait for the numbers they are multiplied with.
-                wait = g.math("MULTIPLY", vector[0], 1e-30)
-                here = g.operate("ADD", at, g.combine(wait, cluster))
+            basis = look_up(g, atlas, place, across, 0.0 if cluster is None else cluster)
             for channel in range(len(sums)):
+                basis = basis.after(sums[channel - 1] if channel else vector[0])
                 for quad in range(shapes.light_quads):
-                    rows = fetch(g, atlas, here, channel * shapes.light_quads + quad)
+                    rows = basis.fetch(channel * shapes.light_quads + quad)
                     for row, factor in zip(rows, vector[4 * quad :], strict=False):
                         sums[channel] = g.math("MULTIPLY_ADD", row, factor, sums[channel])
         return sums

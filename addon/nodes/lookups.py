@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import bpy
+
 from .atlas import Atlas
-from .graph import Graph, Wire
+from .graph import Graph, Operand, Wire
 
 
 def parabolic(g: Graph, direction: Wire, size: int) -> tuple[Wire, Wire]:
@@ -17,25 +19,70 @@ def parabolic(g: Graph, direction: Wire, size: int) -> tuple[Wire, Wire]:
     return across, up
 
 
-def within(g: Graph, atlas: Atlas, place: tuple[Wire, Wire]) -> Wire:
-    """A place in parts of a tile as texture coordinates of an atlas's first tile."""
-    return g.combine(*(p * scale for p, scale in zip(place, atlas.scale, strict=False)))
+class Lookup:
+    """A place within the tiles of an atlas, read with Closest: EEVEE's other filters use mipmaps,
+    which draw seams where the texture coordinate jumps at a tile's edge.
 
-
-def fetch(g: Graph, atlas: Atlas, place: Wire, tile: int) -> list[Wire]:
-    """The four values of a texel: `place` within a block's first tile, and the tile's number.
-
-    Read with Closest: EEVEE's other filters use mipmaps, which draw seams where the texture
-    coordinate jumps at a tile's edge.
+    Columns and rows of tiles are shifted to once each and as scalars: EEVEE keeps the constants of
+    all nodes in 64 kB, and an image node's own mapping would take 96 bytes of that for each texel.
     """
-    node = g.node(
-        "ShaderNodeTexImage",
-        place,
-        image=atlas.image,
-        interpolation="Closest",
-        extension="EXTEND",
+
+    def __init__(self, g: Graph, atlas: Atlas, x: Wire, y: Wire) -> None:
+        """`x` and `y` are texture coordinates in a block's first tile."""
+        self.g, self.atlas = g, atlas
+        self.columns: dict[int, Wire] = {0: x}
+        self.rows: dict[int, Wire] = {0: y}
+
+    def fetch(self, tile: int) -> list[Wire]:
+        """The four values of the texel in a tile."""
+        row, column = divmod(tile, self.atlas.columns)
+        step_x, step_y, _ = self.atlas.scale
+        place = self.g.combine(
+            self._shifted(self.columns, column, step_x), self._shifted(self.rows, row, step_y)
+        )
+        node = self.g.node(
+            "ShaderNodeTexImage",
+            place,
+            image=self.atlas.image,
+            interpolation="Closest",
+            extension="EXTEND",
+        )
+        # Set to what it is: only then EEVEE sees that the node's own mapping does nothing.
+        node.texture_mapping.translation = (0.0, 0.0, 0.0)
+        colour = self.g.node("ShaderNodeSeparateColor", self.g.wire(node, "Color"))
+        return [*(Wire(self.g, output) for output in colour.outputs), self.g.wire(node, "Alpha")]
+
+    @property
+    def x(self) -> Wire:
+        """The texture coordinate across, in the block's first tile."""
+        return self.columns[0]
+
+    def after(self, value: Operand) -> Lookup:
+        """The same place, read once a value is known.
+
+        Cycles keeps at most 255 live values. Before 5.0 it converts places only when nothing else
+        is left to do, so that it would hold those of all texels that wait for nothing.
+        """
+        if bpy.app.version >= (5, 0) or not isinstance(value, Wire):
+            return self
+        x = self.g.math("MULTIPLY_ADD", value, 1e-30, self.columns[0])
+        return Lookup(self.g, self.atlas, x, self.rows[0])
+
+    def _shifted(self, known: dict[int, Wire], number: int, step: float) -> Wire:
+        if number not in known:
+            known[number] = self.g.math("ADD", known[0], number * step)
+        return known[number]
+
+
+def look_up(
+    g: Graph, atlas: Atlas, place: tuple[Wire, Wire], x: Operand = 0.0, y: Operand = 0.0
+) -> Lookup:
+    """A place in parts of a tile, in the block that begins at (x, y) of the atlas."""
+    return Lookup(
+        g,
+        atlas,
+        *(
+            g.math("MULTIPLY_ADD", part, scale, origin)
+            for part, scale, origin in zip(place, atlas.scale, (x, y), strict=False)
+        ),
     )
-    # The node's own mapping adds the offset: one node less than an addition, and no live value.
-    node.texture_mapping.translation = atlas.offset(tile)
-    colour = g.node("ShaderNodeSeparateColor", g.wire(node, "Color"))
-    return [*(Wire(g, output) for output in colour.outputs), g.wire(node, "Alpha")]

@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
-import bpy
+from collections.abc import Sequence
 
+import bpy
+from mathutils import Vector
+
+from ..tables.environment import EnvironmentTable
 from ..tables.tables import Tables
+from .coverage_group import make_coverage_group, remove_coverage_group
 from .frame_group import frame_group
-from .graph import Graph
+from .graph import Graph, Wire
 from .light_set import Owner, bring_up_to_date, light_set
-from .model_group import lights_of, make_model_group, show_lights, show_tables
+from .model_group import (
+    lights_of,
+    make_model_group,
+    remove_model_group,
+    show_environment,
+    show_lights,
+    show_tables,
+)
 from .packed_tables import is_packed, pack
 
 MODEL_NODE = "Nacre Model"
+COVERAGE_NODE = "Nacre Coverage"
+FINAL_NODE = "Nacre Final Model"
 
 
 def material_from_tables(
@@ -56,11 +70,100 @@ def set_tables(material: bpy.types.Material, tables: Tables) -> None:
     show_tables(group, pack(group.name, tables), lights_of(group))
 
 
+def set_coverage(
+    material: bpy.types.Material, tables: Tables | None, mapping: tuple[float, float] = (0.5, 1.0)
+) -> None:
+    """Give a material the holes of an occlusion model, by alpha; None for none.
+
+    `mapping` is Eq. 26's threshold and weight, which are inputs of the node as well. EEVEE shows
+    partly covered pixels dithered or blended, as the material's own setting says.
+    """
+    tree = material.node_tree
+    model = tree.nodes[MODEL_NODE]
+    output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+    surface = output.inputs["Surface"]
+    before = tree.nodes.get(COVERAGE_NODE)
+    if before is not None:
+        mix = surface.links[0].from_node
+        shown = mix.inputs[2].links[0].from_socket
+        remove_coverage_group(before.node_tree)
+        for node in (before, mix.inputs[1].links[0].from_node, mix):
+            tree.nodes.remove(node)
+        tree.links.new(shown, surface)
+    if tables is None:
+        return
+    name = f"Nacre {material.name} Coverage"
+    group = make_coverage_group(name, pack(name, tables), mapping)
+    g = Graph(tree)
+    uv, view = (Wire(g, model.inputs[label].links[0].from_socket) for label in ("UV", "View"))
+    coverage = g.node("ShaderNodeGroup", uv, view, node_tree=group)
+    coverage.name = coverage.label = COVERAGE_NODE
+    hole = g.node("ShaderNodeBsdfTransparent")
+    shown = Wire(g, surface.links[0].from_socket)
+    mix = g.node("ShaderNodeMixShader", g.wire(coverage), g.wire(hole), shown)
+    g.connect(g.wire(mix), surface)
+    for node, shift in ((coverage, (0, 300)), (hole, (200, 300)), (mix, (300, 150))):
+        node.location, node.hide = model.location + Vector(shift), False
+
+
+def set_environment(
+    material: bpy.types.Material,
+    tables: Sequence[EnvironmentTable | None],
+    world: str = "",
+    mapping: str = "",
+) -> None:
+    """Light a material by a world, too: a table for each of `groups_of` it, or None for none. The
+    node `mapping` of the world turns it."""
+    for group, table in zip(groups_of(material), tables, strict=True):
+        show_environment(group, table, world, mapping)
+
+
+def set_final_tables(material: bpy.types.Material, tables: Tables | None) -> None:
+    """Tables that take the place of others while a final render runs; None for the same ones.
+
+    They wait in a node without links.
+    """
+    nodes = material.node_tree.nodes
+    node = nodes.get(FINAL_NODE)
+    if tables is None:
+        if node is not None:
+            remove_model_group(node.node_tree)
+            nodes.remove(node)
+    elif node is not None:
+        show_tables(node.node_tree, pack(node.node_tree.name, tables), lights_of(node.node_tree))
+    else:
+        name = f"{group_of(material).name} Final"
+        node = nodes.new("ShaderNodeGroup")
+        node.node_tree = make_model_group(name, pack(name, tables), lights_of(group_of(material)))
+        node.name = node.label = FINAL_NODE
+        node.location = nodes[MODEL_NODE].location - Vector((0.0, 300.0))
+
+
+def swap_final(material: bpy.types.Material) -> None:
+    """Let the waiting tables and the shown ones change places."""
+    nodes = material.node_tree.nodes
+    final, shown = nodes.get(FINAL_NODE), nodes[MODEL_NODE]
+    if final is not None:
+        final.node_tree, shown.node_tree = shown.node_tree, final.node_tree
+
+
 def set_lights(material: bpy.types.Material, owner: Owner) -> None:
     """Light a Nacre material by the lights that a scene or collection has now."""
     lights = light_set(owner)
     bring_up_to_date(lights)
-    show_lights(group_of(material), lights)
+    for group in groups_of(material):
+        show_lights(group, lights)
+
+
+def groups_of(material: bpy.types.Material) -> list[bpy.types.ShaderNodeTree]:
+    """The node groups of a material's models: the shown one and the final one."""
+    nodes = (material.node_tree.nodes.get(name) for name in (MODEL_NODE, FINAL_NODE))
+    return [node.node_tree for node in nodes if node is not None]
+
+
+def nacre_materials() -> list[bpy.types.Material]:
+    """All materials in the file that were made here and can be changed."""
+    return [item for item in bpy.data.materials if item.is_editable and is_nacre_material(item)]
 
 
 def group_of(material: bpy.types.Material) -> bpy.types.ShaderNodeTree:

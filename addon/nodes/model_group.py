@@ -7,13 +7,25 @@ Nacre MODEL          UV, View, Tangent, Bitangent, Normal -> Value
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import bpy
 
+from ..tables.environment import EnvironmentTable
+from .environment_light import environment_radiance
 from .evaluation import Evaluation
 from .graph import Graph, Wire
 from .loops import choose, clear, repeat
+from .packed_environment import (
+    PackedEnvironment,
+    pack_environment,
+    refill_environment,
+    store_environment,
+    stored_environment,
+)
 from .packed_tables import PackedTables, is_holder, store, stored
 from .texel_group import make_texel_group
+from .turning import turned
 
 SOCKETS = (
     ("UV", "Texture coordinates in patches; whole numbers repeat the material"),
@@ -24,6 +36,7 @@ SOCKETS = (
 )
 _TEXEL = "Table: Texel"
 _LIGHTS = "Lights"
+_SCALE = "World Scale"
 
 
 def make_model_group(
@@ -52,6 +65,7 @@ def show_tables(
         bpy.data.node_groups.remove(holder.node_tree)
         tree.nodes.remove(holder)
     store(tree, packed)
+    store_environment(tree, None)  # it was convolved with other rows
     holder = tree.nodes.new("ShaderNodeGroup")
     holder.node_tree = make_texel_group(f"{tree.name} Texel", packed)
     holder.name = holder.label = _TEXEL
@@ -59,9 +73,43 @@ def show_tables(
     show_lights(tree, lights)
 
 
+def remove_model_group(tree: bpy.types.ShaderNodeTree) -> None:
+    """Remove a group with all that was made for it."""
+    clear(tree, keep=is_holder)
+    texel = tree.nodes[_TEXEL].node_tree
+    images = [node.image for node in tree.nodes if node.type == "TEX_IMAGE"]
+    for item in (tree, texel):
+        bpy.data.node_groups.remove(item)
+    for image in images:
+        bpy.data.images.remove(image)
+
+
+def show_environment(
+    tree: bpy.types.ShaderNodeTree, table: EnvironmentTable | None, world: str, mapping: str
+) -> None:
+    """Add a world's light to that of the lights, in place of what was there before; None for none.
+
+    The node `mapping` of `world` turns it, live. Another table of the same shape takes the place of
+    the last one without compiling.
+    """
+    before = stored_environment(tree)
+    if table is not None and before is not None:
+        same = (before.world, before.mapping) == (world, mapping)
+        if same and refill_environment(before, table):
+            store_environment(tree, replace(before, scale=table.scale))
+            tree.nodes[_SCALE].outputs[0].default_value = table.scale
+            return
+    packed = None
+    if table is not None:
+        packed = pack_environment(f"{tree.name} Environment", table, world, mapping)
+    store_environment(tree, packed)
+    show_lights(tree, lights_of(tree))
+
+
 def show_lights(tree: bpy.types.ShaderNodeTree, lights: bpy.types.ShaderNodeTree | None) -> None:
     """Write a group anew for a light set, or for one whose number of lights has changed."""
     clear(tree, keep=is_holder)
+    tree.animation_data_clear()
     _write(tree, stored(tree), lights)
 
 
@@ -86,8 +134,10 @@ def _write(
         outputs = [Wire(g, output) for output in node.outputs]
         directions, radiances = outputs[::2], outputs[1::2]
     total = g.combine(0.0, 0.0, 0.0)
-    if directions:
+    environment = stored_environment(tree)
+    if directions or environment:
         evaluation = Evaluation(g, packed, tree.nodes[_TEXEL].node_tree, uv, view)
+    if directions:
 
         def add_light(g: Graph, index: Wire | int, state: list[Wire]) -> list[Wire]:
             direction = choose(g, index, directions)
@@ -100,4 +150,22 @@ def _write(
             return [g.wire(lit)]
 
         (total,) = repeat(g, len(directions), [(0.0, 0.0, 0.0)], add_light)
+    if environment:
+        total = total + _from_world(g, evaluation, environment, frame)
     g.node("NodeGroupOutput", total)
+
+
+def _from_world(
+    g: Graph, evaluation: Evaluation, environment: PackedEnvironment, frame: list[Wire]
+) -> Wire:
+    """The radiance under a world that turns as its own node for that does."""
+    world = bpy.data.worlds.get(environment.world)
+    if world is not None and world.node_tree is not None:
+        mapping = world.node_tree.nodes.get(environment.mapping)
+        if mapping is not None:
+            frame = turned(g, frame, world, mapping)
+    values = environment_radiance(g, evaluation, environment, *frame)
+    scale = g.node("ShaderNodeValue")
+    scale.name = scale.label = _SCALE
+    scale.outputs[0].default_value = environment.scale
+    return g.combine(*values) * g.wire(scale)

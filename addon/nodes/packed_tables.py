@@ -12,10 +12,10 @@ import bpy
 import numpy as np
 
 from ..tables.tables import Tables
-from .atlas import Atlas, make_atlas
+from .atlas import Atlas, cut_out, make_atlas
 
 _SHAPES = "nacre_shapes"
-_HOLDER = "Table: "
+HOLDER = "Table: "
 ATLASES = ("core", "view", "index", "light")
 
 
@@ -99,7 +99,7 @@ def store(tree: bpy.types.ShaderNodeTree, packed: PackedTables) -> None:
         if atlas is not None:
             node = tree.nodes.new("ShaderNodeTexImage")
             node.image, node.interpolation, node.hide = atlas.image, "Closest", True
-            node.name = node.label = _HOLDER + part.title()
+            node.name = node.label = HOLDER + part.title()
             node.location = (-400.0, -60.0 * len(grids))
             grids[part] = atlas.across, atlas.up, atlas.columns, atlas.rows
     kept = [getattr(packed, part).image for part in grids]
@@ -122,13 +122,36 @@ def stored(tree: bpy.types.ShaderNodeTree) -> PackedTables:
     return PackedTables(shapes, **atlases)
 
 
+def unpack_lights(packed: PackedTables) -> Tables:
+    """Tables with what they say of lights, and no texels."""
+    shapes, size = packed.shapes, packed.shapes.size
+    blocks = cut_out(packed.light, shapes.channels * shapes.light_quads, size, size)
+    light = blocks.reshape(
+        *blocks.shape[:2], shapes.channels, shapes.light_quads, size, size, 4
+    ).transpose(1, 2, 0, 3, 4, 5, 6)
+    tiles = cut_out(packed.index, -(-shapes.light_mixtures // 4), size, size)[0, 0]
+    index = np.moveaxis(tiles, -1, 1).reshape(-1, size, size)[: shapes.light_mixtures]
+    index = np.rint(index * shapes.clusters[0]).astype(np.uint32)
+    return Tables(
+        core=np.zeros(
+            (*shapes.clusters, shapes.light_rank, shapes.view_quads, 0, 0, 4), np.float32
+        ),
+        light=light,
+        view=np.zeros(
+            (shapes.view_owners, shapes.view_mixtures, shapes.view_quads, 0, 0, 4), np.float32
+        ),
+        light_index=index,
+        view_index=np.zeros((shapes.view_mixtures, 0, 0), np.uint32),
+    )
+
+
 def is_holder(node: bpy.types.Node) -> bool:
     """Whether a node is there for what it holds, not as a part of the shader."""
-    return node.name.startswith(_HOLDER)
+    return node.name.startswith(HOLDER)
 
 
 def _holder(tree: bpy.types.ShaderNodeTree, part: str) -> bpy.types.Node | None:
-    return tree.nodes.get(_HOLDER + part.title())
+    return tree.nodes.get(HOLDER + part.title())
 
 
 def is_packed(tree: bpy.types.NodeTree | None) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import bpy
 
 from .graph import Graph, Wire
-from .lookups import fetch
+from .lookups import Lookup
 from .packed_tables import PackedTables
 
 
@@ -46,14 +46,16 @@ def contract_view(
     around: Sequence[Tap],
     operands: Sequence[Wire],
 ) -> list[Wire]:
-    """The outputs of a texel group mixed over four texels; operands are blocks and coefficients."""
+    """The outputs of a texel group mixed over four texels; operands are as make_texel_group has
+    them after the place and the weight."""
     across, up, _ = packed.core.scale
     across, up = across / packed.shapes.width, up / packed.shapes.height
     total: list[Wire] = []
     for tap in around:
-        place = g.combine((tap.x + 0.5) * across, (tap.y + 0.5) * up)
+        x, y = (tap.x + 0.5) * across, (tap.y + 0.5) * up
+        place = Lookup(g, packed.core, x, y).after(total[-1] if total else 0.0)
         node = g.node("ShaderNodeGroup", node_tree=group)
-        for operand, socket in zip([place, tap.weight, *operands], node.inputs, strict=True):
+        for operand, socket in zip([place.x, y, tap.weight, *operands], node.inputs, strict=True):
             g.connect(operand, socket)
         outputs = [Wire(g, output) for output in node.outputs]
         total = [a + b for a, b in zip(total, outputs, strict=True)] if total else outputs
@@ -61,8 +63,9 @@ def contract_view(
 
 
 def make_texel_group(name: str, packed: PackedTables) -> bpy.types.ShaderNodeTree:
-    """The core at one texel: Place, Weight, a block and coefficients for each of the view's
-    mixtures -> R_light numbers; for each mixture, where light rows differ between them.
+    """The core at one texel: its place, a weight, where the light's cluster begins and those of the
+    view's mixtures, and their coefficients -> R_light numbers; for each mixture, where light rows
+    differ between them.
 
     Four of these share one tree. Sums run as chains of Multiply Add on scalars, each started where
     the last ended: Cycles keeps at most 255 live values, and inserts conversions between colours
@@ -76,10 +79,10 @@ def make_texel_group(name: str, packed: PackedTables) -> bpy.types.ShaderNodeTre
     def socket(label: str, in_out: str, kind: str) -> None:
         tree.interface.new_socket(label, in_out=in_out, socket_type=f"NodeSocket{kind}")
 
-    socket("Place", "INPUT", "Vector")
-    socket("Weight", "INPUT", "Float")
+    for label in ("X", "Y", "Weight", "Light Cluster"):
+        socket(label, "INPUT", "Float")
     for k in range(mixtures):
-        socket(f"Block {k}", "INPUT", "Vector")
+        socket(f"View Cluster {k}", "INPUT", "Float")
     for i in range(mixtures * quads * 4):
         socket(f"Coefficient {i}", "INPUT", "Float")
     for r in range(count):
@@ -87,18 +90,22 @@ def make_texel_group(name: str, packed: PackedTables) -> bpy.types.ShaderNodeTre
 
     g = Graph(tree)
     inputs = [Wire(g, output) for output in g.node("NodeGroupInput").outputs[:-1]]
-    place, weight = inputs[:2]
-    blocks, coefficients = inputs[2 : 2 + mixtures], inputs[2 + mixtures :]
+    x, y, weight, light_cluster = inputs[:4]
+    view_clusters, coefficients = inputs[4 : 4 + mixtures], inputs[4 + mixtures :]
     sums: list[Wire | float] = [0.0] * count
+    last: Wire | None = None
     for k in range(mixtures):
-        at = place + blocks[k]
+        core = Lookup(g, packed.core, x + light_cluster, y + view_clusters[k])
         base = rank * k if shapes.views_apart else 0
         for q in range(quads):
             first = 4 * (k * quads + q)
             weighted = [c * weight for c in coefficients[first : first + 4]]
             for r in range(rank):
-                values = fetch(g, packed.core, at, r * quads + q)
+                if r % 8 == 0:
+                    here = core.after(last if last is not None else weighted[0])
+                values = here.fetch(r * quads + q)
                 for value, factor in zip(values, weighted, strict=True):
-                    sums[base + r] = g.math("MULTIPLY_ADD", value, factor, sums[base + r])
+                    last = g.math("MULTIPLY_ADD", value, factor, sums[base + r])
+                    sums[base + r] = last
     g.node("NodeGroupOutput", *sums)
     return tree

@@ -1,6 +1,16 @@
 """One file for each thing a user does."""
 
-from . import cancel, compress, create_material, export_btf, import_btf, measure
+from . import (
+    cancel,
+    compare_with_cycles,
+    compress,
+    create_material,
+    export_btf,
+    import_btf,
+    light_by_world,
+    measure,
+    update_material,
+)
 
 CLASSES = (
     import_btf.NACRE_OT_import_btf,
@@ -9,6 +19,9 @@ CLASSES = (
     measure.NACRE_OT_measure,
     compress.NACRE_OT_compress,
     create_material.NACRE_OT_create_material,
+    update_material.NACRE_OT_update_material,
+    light_by_world.NACRE_OT_light_by_world,
+    compare_with_cycles.NACRE_OT_compare_with_cycles,
     cancel.NACRE_OT_cancel,
 )
 draw_import_menu = import_btf.draw_import_menu

@@ -1,7 +1,10 @@
 """A dataset to a model, with the method and quality chosen in the panel."""
 
+from __future__ import annotations
+
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import bpy
 
@@ -10,8 +13,12 @@ from ..datasets.occlusion import with_value
 from ..datasets.quality import beyond_noise
 from ..facts import parse_facts
 from ..jobs import JobOperator, Progress, Work
+from ..live import materials_showing
 from ..properties import TARGETS, NACRE_PG_scene
 from .ready import is_ready
+
+if TYPE_CHECKING:
+    from ..tables.tables import Tables
 
 
 class NACRE_OT_compress(JobOperator, bpy.types.Operator):
@@ -31,7 +38,9 @@ class NACRE_OT_compress(JobOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Work:
         from ..models.exr import check_destination, save_model
         from ..models.fit import compress, quality_settings
+        from ..models.steps import Steps
         from ..models.target import compress_to_target
+        from ..tables.tables import build_tables
 
         chosen = context.scene.nacre
         dataset = open_dataset(bpy.path.abspath(chosen.dataset))
@@ -48,22 +57,35 @@ class NACRE_OT_compress(JobOperator, bpy.types.Operator):
         else:
             fit = partial(compress, **quality_settings(dataset, method, chosen.quality))
 
-        def work(progress: Progress) -> Path:
+        # Materials that show the file that will be replaced are to show the new one.
+        self._showing = materials_showing(output)
+
+        def work(progress: Progress) -> tuple[Path, Tables | None]:
+            steps = Steps(progress)
             fitted = with_value(dataset, "signed-distance" if dataset.value else "")
-            save_model(fit(fitted, method, progress=progress), output)
-            return output
+            model = fit(fitted, method, progress=steps.step(2 if self._showing else 1))
+            save_model(model, output)
+            if not self._showing:
+                return output, None
+            return output, build_tables(model, progress=steps.step(1))
 
         return work
 
-    def finish(self, context: bpy.types.Context, result: Path) -> None:
+    def finish(self, context: bpy.types.Context, result: tuple[Path, Tables | None]) -> None:
+        from ..nodes.material import set_tables
+
+        path, tables = result
         chosen = context.scene.nacre
-        chosen.model = str(result)
+        chosen.model = str(path)
+        if tables is not None:
+            for material in self._showing:
+                set_tables(material, tables)
         facts = ", ".join(value for _, value in parse_facts(chosen.model_facts)[1:])
         note = _beyond_noise(chosen)
         if note:
-            self.report({"WARNING"}, f"Saved {result.name}, but {note}")
+            self.report({"WARNING"}, f"Saved {path.name}, but {note}")
         else:
-            self.report({"INFO"}, f"Saved {result.name}: {facts}")
+            self.report({"INFO"}, f"Saved {path.name}: {facts}")
 
 
 def _beyond_noise(chosen: NACRE_PG_scene) -> str:

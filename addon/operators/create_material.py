@@ -6,7 +6,6 @@ from typing import Any
 import bpy
 
 from ..jobs import JobOperator, Progress, Work
-from ..properties import first_light
 from .ready import is_ready
 
 
@@ -38,16 +37,18 @@ class NACRE_OT_create_material(JobOperator, bpy.types.Operator):
         return work
 
     def finish(self, context: bpy.types.Context, result: Any) -> None:
+        from ..nodes.light_set import shining
         from ..nodes.material import material_from_tables
 
         chosen = context.scene.nacre
-        light = chosen.light or first_light(context.scene)
-        material = material_from_tables(result, self._name)
-        material.nacre.light = chosen.light = light
+        owner = chosen.lights or context.scene
+        material = material_from_tables(result, self._name, owner)
+        material.nacre.lights = chosen.lights
+        material.nacre.model = chosen.model
         meshes = _target_meshes(context)
         for item in meshes:
             item.active_material = material
-        _report(self, material, meshes, light)
+        _report(self, material, meshes, bool(shining(owner)))
 
 
 def _target_meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
@@ -63,15 +64,15 @@ def _report(
     operator: bpy.types.Operator,
     material: bpy.types.Material,
     meshes: list[bpy.types.Object],
-    light: bpy.types.Object | None,
+    is_lit: bool,
 ) -> None:
     """Say what came of it, and what is still missing for a picture."""
     flat = [item.name for item in meshes if not item.data.uv_layers]
     if flat:
         names = ", ".join(flat)
         operator.report({"WARNING"}, f"No UV map on {names}: unwrap it to see the material")
-    elif light is None:
-        operator.report({"WARNING"}, "No sun, point or spot in the scene: add one and pick it")
+    elif not is_lit:
+        operator.report({"WARNING"}, "No sun, point, spot or area lights it: add one")
     elif meshes:
         names = ", ".join(item.name for item in meshes)
         operator.report({"INFO"}, f"Made the material {material.name} on {names}")

@@ -6,9 +6,7 @@ whatever happens. Without a window the measurement runs where it was called.
 
 from __future__ import annotations
 
-import subprocess
 import tempfile
-import time
 from pathlib import Path
 
 import bpy
@@ -22,9 +20,8 @@ from ..measure.request import Request, measure
 from ..measure.settings import Settings
 from ..measure.unfinished import count_finished
 from ..measurement_properties import NACRE_PG_measurement, directions, item_to_measure
+from ..second_blender import follow, nacre_command, save_copy
 from .ready import is_ready
-
-POLL_SECONDS = 0.2
 
 
 class NACRE_OT_measure(JobOperator, bpy.types.Operator):
@@ -59,10 +56,9 @@ class NACRE_OT_measure(JobOperator, bpy.types.Operator):
             origin = bpy.data.filepath
             return lambda progress: measure(item, output, asked, origin=origin, progress=progress)
         folder = tempfile.TemporaryDirectory()
-        scene = Path(folder.name) / (bpy.path.basename(bpy.data.filepath) or "unsaved.blend")
-        bpy.ops.wm.save_as_mainfile(filepath=str(scene), copy=True)
-        command = [bpy.app.binary_path, "--background", "--command", "nacre", "measure"]
-        command += [str(scene), str(output), f"--{chosen.what.lower()}={item.name}"]
+        scene = save_copy(folder.name)
+        command = nacre_command("measure", str(scene), str(output))
+        command.append(f"--{chosen.what.lower()}={item.name}")
         command += asked.arguments()
 
         def work(progress: Progress) -> Dataset:
@@ -108,26 +104,16 @@ def request(chosen: NACRE_PG_measurement, restart: bool) -> Request:
 
 
 def _measure_there(command: list[str], output: Path, lights: int, progress: Progress) -> Dataset:
-    """Run another Blender and follow the pictures that it finishes."""
-    with tempfile.TemporaryFile() as errors:
-        child = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=errors
-        )
-        before = count_finished(output)
-        try:
-            while child.poll() is None:
-                done = count_finished(output)
-                message = f"Light {done + 1} of {lights}" if done > before else "Preparing"
-                # Of what is left to do now, so that it tells the time left.
-                if not progress((done - before) / max(lights - before, 1), message):
-                    raise Cancelled
-                time.sleep(POLL_SECONDS)
-        finally:
-            child.kill()  # finished pictures stay, for the next time
-            child.wait()
-        if child.returncode:
-            errors.seek(0)
-            lines = errors.read().decode("utf-8", "replace").splitlines()
-            said = [line.removeprefix("nacre: ") for line in lines if line.startswith("nacre: ")]
-            raise NacreError(said[-1] if said else "the measuring Blender ended without a result")
+    """Run another Blender and follow the pictures that it finishes, which stay for the next time
+    when it is cancelled."""
+    before = count_finished(output)
+
+    def look() -> None:
+        done = count_finished(output)
+        message = f"Light {done + 1} of {lights}" if done > before else "Preparing"
+        # Of what is left to do now, so that it tells the time left.
+        if not progress((done - before) / max(lights - before, 1), message):
+            raise Cancelled
+
+    follow(command, look)
     return open_dataset(output)

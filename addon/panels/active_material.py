@@ -2,7 +2,7 @@
 
 import bpy
 
-from .layout import SidebarPanel, property_column
+from .layout import SidebarPanel, draw_step, property_column
 
 
 class NACRE_PT_active_material(SidebarPanel, bpy.types.Panel):
@@ -20,9 +20,16 @@ class NACRE_PT_active_material(SidebarPanel, bpy.types.Panel):
         material = context.object.active_material
         layout = property_column(self.layout)
         layout.label(text=material.name, icon="MATERIAL", translate=False)
-        layout.prop(material.nacre, "light")
+        layout.prop(material.nacre, "lights", placeholder="Scene")
         repeat = material.node_tree.nodes.get("Repeat")
         if repeat is not None:
             column = layout.column(align=True)
             column.prop(repeat.inputs[1], "default_value", index=0, text="Repeat X")
             column.prop(repeat.inputs[1], "default_value", index=1, text="Y")
+        row = layout.row(align=True)
+        row.operator("nacre.light_by_world", icon="WORLD")
+        row.operator("nacre.light_by_world", text="", icon="X").remove = True
+        layout.prop(material.nacre, "model")
+        layout.prop(material.nacre, "occlusion", placeholder="None")
+        layout.prop(material.nacre, "final_model", placeholder="Same")
+        draw_step(layout, "nacre.update_material", "FILE_REFRESH")

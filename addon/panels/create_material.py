@@ -2,7 +2,6 @@
 
 import bpy
 
-from ..properties import first_light
 from .layout import SidebarPanel, draw_facts, draw_step, property_column
 
 
@@ -14,6 +13,5 @@ class NACRE_PT_create_material(SidebarPanel, bpy.types.Panel):
         layout = property_column(self.layout)
         layout.prop(chosen, "model")
         draw_facts(context, layout, chosen.model_facts)
-        first = first_light(context.scene)
-        layout.prop(chosen, "light", placeholder=first.name if first else "")
+        layout.prop(chosen, "lights", placeholder="Scene")
         draw_step(layout, "nacre.create_material", "MATERIAL")

@@ -11,9 +11,22 @@ from numpy.typing import NDArray
 
 from ..errors import NacreError
 from ..models.exr import read_picture
+from ..preview.context import need_gpu
 
-ENGINES = ("eevee", "cycles")
+NODE_ENGINES = ("eevee", "cycles")
+"""Those that evaluate node groups."""
+
+ENGINES = (*NODE_ENGINES, "glsl")
 FORMATS = {".exr": ("OPEN_EXR", "32"), ".png": ("PNG", "8")}
+
+
+def engines_here() -> tuple[str, ...]:
+    """The engines that this Blender can render with now."""
+    try:
+        need_gpu()
+    except NacreError:
+        return NODE_ENGINES
+    return ENGINES
 
 
 def check_picture(path: str | Path, engine: str) -> None:
@@ -21,6 +34,8 @@ def check_picture(path: str | Path, engine: str) -> None:
     path = Path(path)
     if engine not in ENGINES:
         raise NacreError(f"engine {engine!r}: expected one of {', '.join(ENGINES)}")
+    if engine == "glsl":
+        need_gpu()
     if path.suffix.lower() not in FORMATS:
         raise NacreError(f"{path}: pictures are written as .exr or .png")
     if not path.parent.is_dir():
@@ -29,29 +44,40 @@ def check_picture(path: str | Path, engine: str) -> None:
 
 def set_engine(scene: bpy.types.Scene, engine: str, samples: int) -> None:
     """Select EEVEE or Cycles with a number of samples a pixel and nothing that alters values."""
+    scene.render.engine = engine_id(engine)
     if engine == "eevee":
-        scene.render.engine = "BLENDER_EEVEE" if bpy.app.version >= (5, 0) else "BLENDER_EEVEE_NEXT"
         scene.eevee.taa_render_samples = samples
     elif engine == "cycles":
-        scene.render.engine = "CYCLES"
         scene.cycles.samples = samples
         scene.cycles.use_adaptive_sampling = False
         scene.cycles.use_denoising = False
         if hasattr(scene.render, "use_texture_cache"):
             scene.render.use_texture_cache = False
-    else:
+
+
+def engine_id(engine: str) -> str:
+    """Blender's name of an engine."""
+    if engine not in ENGINES:
         raise ValueError(f"engine: expected one of {ENGINES}, got {engine!r}")
+    if engine == "cycles":
+        return "CYCLES"
+    return "BLENDER_EEVEE" if bpy.app.version >= (5, 0) else "BLENDER_EEVEE_NEXT"
 
 
-def render_to(scene: bpy.types.Scene, path: str | Path) -> None:
-    """Render a scene to a linear .exr or a .png in Blender's Standard view."""
-    path = Path(path)
+def set_format(scene: bpy.types.Scene, path: Path) -> None:
+    """Pictures of a scene as a linear .exr or a .png in Blender's Standard view."""
     settings = scene.render.image_settings
     if hasattr(settings, "media_type"):  # 5.x
         settings.media_type = "IMAGE"
     settings.file_format, settings.color_depth = FORMATS[path.suffix.lower()]
     settings.color_mode = "RGB"
     scene.view_settings.view_transform = "Standard"
+
+
+def render_to(scene: bpy.types.Scene, path: str | Path) -> None:
+    """Render a scene to a linear .exr or a .png in Blender's Standard view."""
+    path = Path(path)
+    set_format(scene, path)
     scene.render.filepath = str(path.resolve())
     scene.render.use_file_extension = False
     bpy.ops.render.render(write_still=True, scene=scene.name)

@@ -92,9 +92,9 @@ def add_mesh(
     if kind == "plane":
         mesh = grid_mesh(kind, 1, lambda u, v: (u - 0.5, v - 0.5, 0.0), 1.0)
     elif kind == "cloth":
-        mesh = grid_mesh(kind, 160, _cloth, repeat)
+        mesh = grid_mesh(kind, 160, cloth, repeat)
     elif kind == "sphere":
-        mesh = grid_mesh(kind, 160, _sphere, 2 * ceil(repeat), wrap=True)
+        mesh = grid_mesh(kind, 160, sphere, 2 * ceil(repeat), wrap=True)
     else:
         mesh = _read_mesh(Path(kind), repeat)
     mesh.materials.clear()
@@ -135,17 +135,21 @@ def grid_mesh(name: str, cells: int, surface, repeat: float, wrap: bool = False)
     return mesh
 
 
-def _cloth(u: float, v: float) -> tuple[float, float, float]:
+def cloth(u: float, v: float) -> tuple[float, float, float]:
     """Cloth laid over a ball, with folds, 2 m wide; no steep walls that would stretch a UV map."""
     x, y = 2 * u - 1, 2 * v - 1
     folds = 0.05 * np.sin(4 * x + 3 * y + 2 * np.sin(2 * y - x)) * (x**2 + y**2)
     return x, y, 0.55 * np.exp(-2.0 * (x**2 + y**2)) - 0.15 + folds
 
 
-def _sphere(u: float, v: float) -> tuple[float, float, float]:
+def sphere(u: float, v: float) -> tuple[float, float, float]:
     """A unit sphere with its poles along y, out of the way of a camera above."""
     turn, rise = 2 * pi * u, pi * (v - 0.5)
     return -np.cos(rise) * np.sin(turn), np.sin(rise), -np.cos(rise) * np.cos(turn)
+
+
+SURFACES = {"cloth": cloth, "sphere": sphere}
+"""Surfaces (u, v) -> (x, y, z), u and v from 0 to 1, numbers or arrays."""
 
 
 def _read_mesh(path: Path, repeat: float) -> bpy.types.Mesh:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 import bpy
 import numpy as np
@@ -12,11 +13,13 @@ from ..datasets.directions import spherical_to_unit, unit_to_spherical
 from ..errors import Cancelled
 from ..models.clustered_tucker import ClusteredTucker
 from ..nodes.material import material_from_tables
+from ..preview.flat import FlatEvaluator
 from ..tables.against_model import tables_against_model
 from ..tables.evaluate import evaluate_patch
-from ..tables.tables import build_tables
+from ..tables.tables import Tables, build_tables
 from .engines import render_pixels
-from .pictures import flat_scene
+from .pictures import Direction, flat_scene
+from .stage import unit
 
 PAIRS = 12
 """Light and view pairs rendered by each engine; every second one off the measured grid."""
@@ -41,26 +44,43 @@ def verify(
     step(0.0, "Building tables")
     tables = build_tables(model)
     results: dict[str, dict[str, float]] = {"tables": tables_against_model(model, tables)}
-    material = material_from_tables(tables, "verify")
     _, _, height, width, _ = model.shape
     for number, engine in enumerate(engines):
         measures = []
-        with flat_scene(material, (width, height), engine) as flat:
+        with _flat_pictures(engine, tables, (width, height)) as picture:
             for index, (light, view) in enumerate(direction_pairs(model)):
                 step(
                     0.2 + 0.8 * (number + index / PAIRS) / len(engines),
                     f"Rendering with {engine}",
                 )
-                flat.aim(light, view)
-                seen = render_pixels(flat.scene)
+                seen = picture(light, view)
                 lights, views = (spherical_to_unit([d[0]], [d[1]]) for d in (light, view))
                 measures.append((seen, evaluate_patch(tables, lights, views)[0, 0]))
         seen, expected = (np.stack(pictures) for pictures in zip(*measures, strict=True))
         results[engine] = errors(seen, expected)
-    bpy.data.materials.remove(material)
     results["fetches"] = dict(tables.fetches)
     step(1.0, "Verified")
     return results
+
+
+@contextmanager
+def _flat_pictures(
+    engine: str, tables: Tables, size: tuple[int, int]
+) -> Iterator[Callable[[Direction, Direction], NDArray[np.float32]]]:
+    """An engine's pictures (height, width, 3) of the flat patch for a light and a view."""
+    if engine == "glsl":
+        evaluator = FlatEvaluator(tables)
+        yield lambda light, view: evaluator.picture(unit(light), unit(view))
+        return
+    material = material_from_tables(tables, "verify")
+    with flat_scene(material, size, engine) as flat:
+
+        def picture(light: Direction, view: Direction) -> NDArray[np.float32]:
+            flat.aim(light, view)
+            return render_pixels(flat.scene)
+
+        yield picture
+    bpy.data.materials.remove(material)
 
 
 def errors(seen: NDArray[np.floating], expected: NDArray[np.floating]) -> dict[str, float]:

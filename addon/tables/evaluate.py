@@ -59,7 +59,7 @@ def reduced_points(
     reduced = np.zeros((len(uv), clusters if apart else 1, count, rank), np.float32)
     coefficients = tables.view[:, :, :, row, column]  # (owners, K_v, quads, n, 4)
     for k, cluster in enumerate(tables.view_index[:, row, column]):
-        for weight, y, x in _taps(np.asarray(uv), tables.core.shape[4:6]):
+        for weight, y, x in taps(np.asarray(uv), tables.core.shape[4:6]):
             texels = tables.core[:, cluster, :, :, y, x]  # (n, C_light, R, quads, 4)
             weights = np.broadcast_to(coefficients[:, k], (count, *coefficients.shape[2:]))
             reduced[points, cluster if apart else 0] += weight[:, None, None] * np.einsum(
@@ -80,7 +80,7 @@ def _points(
     coefficients = tables.view[:, :, :, view_texel[1], view_texel[0]]
     rows = _flat(_lights(tables)[..., light_texel[1], light_texel[0], :], tables)  # (o,c,K_l,n,R)
     points = np.arange(len(uv))
-    taps = _taps(np.asarray(uv), tables.core.shape[4:6])
+    corners = taps(np.asarray(uv), tables.core.shape[4:6])
     values = np.zeros((len(uv), tables.channels), np.float32)
     for k_l, clusters_l in enumerate(light_clusters):
         own = clusters_l if len(tables.view) > 1 else 0
@@ -91,7 +91,7 @@ def _points(
                 * np.einsum(
                     "nrqe,nqe->nr", tables.core[clusters_l, clusters_v, :, :, y, x], weights
                 )
-                for weight, y, x in taps
+                for weight, y, x in corners
             )
             other = clusters_v if len(rows) > 1 else 0
             values += np.einsum(
@@ -100,7 +100,7 @@ def _points(
     return values * (np.asarray(light)[:, 2:] > 0.0)
 
 
-def _taps(
+def taps(
     uv: NDArray[np.floating], size: tuple[int, ...]
 ) -> list[tuple[NDArray[np.floating], NDArray[np.intp], NDArray[np.intp]]]:
     """The four texels round points (n, 2): weight, y and x."""

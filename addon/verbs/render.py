@@ -1,4 +1,4 @@
-"""Render a picture of a model."""
+"""Render a picture of a model, or of a scene."""
 
 import argparse
 import time
@@ -10,9 +10,13 @@ from .blender import build_material, need_blender
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("model", type=Path)
+    parser.add_argument(
+        "model",
+        type=Path,
+        help="or a .blend file, whose scene is rendered as it is, before its compositor",
+    )
     parser.add_argument("out", type=Path, help=".png in Blender's Standard view, or linear .exr")
-    parser.add_argument("--engine", default="eevee", help="eevee or cycles")
+    parser.add_argument("--engine", default="eevee", help="eevee, cycles or glsl")
     parser.add_argument("--light", type=angles, default=(45.0, 45.0), metavar="T,P")
     parser.add_argument("--view", type=angles, metavar="T,P")
     parser.add_argument(
@@ -29,8 +33,30 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..render.pictures import flat_scene, object_scene
 
     check_picture(options.out, options.engine)
+    if options.model.suffix == ".blend":
+        return _render_scene(options)
     model = load_model(options.model)
     started = time.monotonic()
+    if options.engine == "glsl":
+        from ..render.glsl import flat_picture, object_picture
+        from ..tables.tables import build_tables
+
+        tables = build_tables(model, progress=progress)
+        if options.mesh == "plane":
+            view = options.view or (0.0, 0.0)
+            flat_picture(tables, options.out, options.light, view, options.size)
+        else:
+            object_picture(
+                tables,
+                options.out,
+                options.mesh,
+                options.size or (640, 480),
+                options.light,
+                options.view or (35.0, 290.0),
+                options.samples,
+            )
+        seconds = round(time.monotonic() - started, 3)
+        return {"file": str(options.out), "engine": options.engine, "seconds": seconds}
     material = build_material(model, options.model.stem, progress)
     _, _, height, width, _ = model.shape
     if options.mesh == "plane":
@@ -48,5 +74,18 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
             options.samples,
         ) as scene:
             render_to(scene, options.out)
+    seconds = round(time.monotonic() - started, 3)
+    return {"file": str(options.out), "engine": options.engine, "seconds": seconds}
+
+
+def _render_scene(options: argparse.Namespace) -> dict[str, Any]:
+    import bpy
+
+    from ..measure.scene_file import open_scene
+    from ..render.comparison import render_scene
+
+    started = time.monotonic()
+    open_scene(options.model)
+    render_scene(bpy.context.scene, options.engine, options.out)
     seconds = round(time.monotonic() - started, 3)
     return {"file": str(options.out), "engine": options.engine, "seconds": seconds}

@@ -9,11 +9,11 @@ from mathutils import Euler
 
 from addon.nodes.frame_group import frame_group
 from addon.nodes.graph import Graph
-from addon.render.engines import ENGINES, render_pixels, set_engine
+from addon.render.engines import NODE_ENGINES, render_pixels, set_engine
 from addon.render.stage import add_camera, add_mesh, new_scene
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", NODE_ENGINES)
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_the_view_in_the_tangent_frame_and_the_frame(engine: str, mirrored: bool) -> None:
     turn = Euler((0.35, -0.2, 0.7)).to_matrix()

@@ -1,7 +1,9 @@
 """Each step as scripts and `blender -b` run it: what it leaves, and its one line when it fails."""
 
 import os
+import shutil
 import time
+from pathlib import Path
 
 import bpy
 import pytest
@@ -9,8 +11,10 @@ from small_btf import write_dataset
 
 from addon import jobs
 from addon.errors import Cancelled
+from addon.nodes.light_set import count_of, light_set
+from addon.nodes.material import FINAL_NODE, group_of, groups_of
+from addon.nodes.model_group import lights_of
 from addon.operators import compress, import_btf
-from addon.properties import first_light
 
 
 def fails(operator, **options) -> str:
@@ -206,7 +210,7 @@ def test_mkcta_is_a_method_too(scene, dataset, tmp_path):
     assert bpy.ops.nacre.compress() == {"FINISHED"}
     assert "Method\tMK-CTA" in settings.model_facts
     assert 0.5 * announced < (tmp_path / "a.exr").stat().st_size / 1e3 <= announced
-    assert "cannot be shown yet" in fails(bpy.ops.nacre.create_material)
+    assert bpy.ops.nacre.create_material() == {"FINISHED"}
 
 
 def test_the_expected_size_follows_the_settings(scene, dataset):
@@ -242,7 +246,7 @@ def test_an_unforeseen_error_is_one_line_too(monkeypatch, scene, dataset):
 
 
 def test_a_material_on_the_selected_meshes(scene, model):
-    sun = add_light(scene)
+    add_light(scene)
     meshes = [add_mesh(scene, "A"), add_mesh(scene, "B")]
     other = bpy.data.materials.new("Other")
     meshes[1].data.materials.append(other)
@@ -254,30 +258,34 @@ def test_a_material_on_the_selected_meshes(scene, model):
     assert [item.active_material for item in meshes] == [material, material]
     assert len(meshes[1].material_slots) == 1
     assert left.active_material is None
-    assert material.nacre.light == scene.nacre.light == sun
+    assert material.nacre.model == str(model)
+    assert lights_of(group_of(material)) == light_set(scene)
+    assert count_of(light_set(scene)) == 1
 
 
 def test_without_selection_it_makes_only_the_material(scene, model):
     scene.nacre.model = str(model)
     assert bpy.ops.nacre.create_material() == {"FINISHED"}
-    assert bpy.data.materials["wool"].nacre.light is None
+    assert count_of(lights_of(group_of(bpy.data.materials["wool"]))) == 0
     assert bpy.data.materials["wool"].users == 0
 
 
-def test_another_light_takes_over(scene, model):
-    sun, spot = add_light(scene), add_light(scene, "SPOT", "Spot")
-    scene.nacre.model, scene.nacre.light = str(model), spot
+def test_lights_of_a_collection_take_over(scene, model):
+    add_light(scene)
+    chosen = bpy.data.collections.new("Chosen")
+    scene.collection.children.link(chosen)
+    spot = bpy.data.objects.new("Spot", bpy.data.lights.new("Spot", "SPOT"))
+    chosen.objects.link(spot)
+    scene.nacre.model, scene.nacre.lights = str(model), chosen
     assert bpy.ops.nacre.create_material() == {"FINISHED"}
     material = bpy.data.materials["wool"]
     assert followed(material) == {spot}
-    material.nacre.light = sun
-    assert followed(material) == {sun}
-    material.nacre.light = None
-    assert followed(material) == set()
+    material.nacre.lights = None
+    assert followed(material) == set(scene.objects)
 
 
 def followed(material):
-    data = material.node_tree.animation_data
+    data = lights_of(group_of(material)).animation_data
     return {
         target.id
         for curve in (data.drivers if data else ())
@@ -286,12 +294,104 @@ def followed(material):
     }
 
 
-def test_the_first_light_of_a_kind_that_can_be_followed(scene):
-    assert first_light(scene) is None
-    add_light(scene, "AREA", "A")
-    assert first_light(scene) is None
-    point = add_light(scene, "POINT", "B")
-    assert first_light(scene) == point
+def test_lights_that_are_added_and_removed_are_followed(scene, model):
+    """By themselves, as Blender says what has changed."""
+    scene.nacre.model = str(model)
+    bpy.ops.nacre.create_material()
+    material = bpy.data.materials["wool"]
+    lamp = add_light(scene, "POINT", "Lamp")
+    bpy.context.view_layer.update()
+    assert followed(material) == {lamp}
+    area = add_light(scene, "AREA", "Area")
+    bpy.context.view_layer.update()
+    assert followed(material) == {lamp, area}
+    bpy.data.objects.remove(lamp)
+    bpy.context.view_layer.update()
+    assert followed(material) == {area}
+
+
+def test_a_material_is_appended_to_another_file(scene, model, tmp_path):
+    """Its first file's lights do not light it there."""
+    scene.nacre.model = str(model)
+    add_light(scene)
+    bpy.ops.nacre.create_material()
+    path = tmp_path / "a.blend"
+    bpy.data.libraries.write(str(path), {bpy.data.materials["wool"]}, fake_user=True)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    new = bpy.context.scene
+    new.name = "Another"
+    lamp = add_light(new, "POINT", "Lamp")
+    with bpy.data.libraries.load(str(path)) as (_, target):
+        target.materials = ["wool"]
+    add_mesh(new, "A").data.materials.append(target.materials[0])
+    bpy.context.view_layer.update()
+    assert followed(target.materials[0]) == {lamp}
+    assert len([tree for tree in bpy.data.node_groups if "Lights" in tree.name]) == 1
+
+
+def test_a_model_compressed_again_is_shown_in_place(scene, dataset, model, tmp_path):
+    model = Path(shutil.copy(model, tmp_path))
+    scene.nacre.model = str(model)
+    bpy.ops.nacre.create_material()
+    material = bpy.data.materials["wool"]
+    links = len(material.node_tree.links)
+    before = {image.name for image in bpy.data.images}
+    scene.nacre.dataset, scene.nacre.output = str(dataset), str(model)
+    scene.nacre.method, scene.nacre.quality = "NSVD", "DRAFT"
+    assert bpy.ops.nacre.compress() == {"FINISHED"}
+    assert len(material.node_tree.links) == links
+    assert len(bpy.data.images) == len(before)
+
+
+def test_a_final_model_takes_the_place_of_the_shown_one_while_rendering(scene, model):
+    scene.nacre.model = str(model)
+    item = add_mesh(scene, "A")
+    bpy.ops.nacre.create_material()
+    material = item.active_material
+    bpy.context.view_layer.objects.active = item
+    material.nacre.final_model = str(model)
+    assert bpy.ops.nacre.update_material() == {"FINISHED"}
+    shown, final = groups_of(material)
+    assert shown != final and len(material.node_tree.links) > 5
+    links = {(link.from_node.name, link.to_node.name) for link in material.node_tree.links}
+    seen = []
+
+    def look(*_):
+        seen.append(group_of(material))
+
+    bpy.app.handlers.render_pre.append(look)
+    add_camera(scene)
+    scene.render.engine, scene.cycles.samples = "CYCLES", 1
+    scene.render.resolution_x = scene.render.resolution_y = 8
+    bpy.ops.render.render()
+    bpy.app.handlers.render_pre.remove(look)
+    assert seen == [final]
+    assert group_of(material) == shown
+    assert {(link.from_node.name, link.to_node.name) for link in material.node_tree.links} == links
+    images = len(bpy.data.images)
+    material.nacre.final_model = ""
+    assert bpy.ops.nacre.update_material() == {"FINISHED"}
+    assert FINAL_NODE not in material.node_tree.nodes
+    assert len(bpy.data.images) == images - 4
+
+
+def add_camera(scene):
+    scene.camera = add_object("Camera", bpy.data.cameras.new("Camera"), scene)
+
+
+def test_a_broken_file_leaves_the_material_as_it_was(scene, model, tmp_path):
+    scene.nacre.model = str(model)
+    add_light(scene)
+    item = add_mesh(scene, "A")
+    bpy.ops.nacre.create_material()
+    bpy.context.view_layer.objects.active = item
+    group = group_of(item.active_material)
+    short = tmp_path / "short.exr"
+    short.write_bytes(model.read_bytes()[:-100])
+    for path, reason in ((short, "cut short"), (tmp_path / "none.exr", "none.exr")):
+        item.active_material.nacre.model = str(path)
+        assert reason in fails(bpy.ops.nacre.update_material)
+        assert group_of(item.active_material) == group and len(group.nodes) > 50
 
 
 def test_a_model_cut_short_is_named_in_one_line(scene, model, tmp_path):

@@ -24,7 +24,7 @@ class Layout:
     def label(self, text="", icon="NONE", translate=True):
         self.seen.append(text)
 
-    def prop(self, data, name, index=0, text="", placeholder=""):
+    def prop(self, data, name, index=0, text="", placeholder="", slider=False):
         assert hasattr(data, name), name
         self.seen.append(name)
 
@@ -68,17 +68,22 @@ def test_an_empty_scene_shows_the_steps():
     assert "nacre.measure" in shown["NACRE_PT_measure"]
     assert "nacre.compress" in shown["NACRE_PT_compress"]
     assert "nacre.create_material" in shown["NACRE_PT_create_material"]
+    assert shown["NACRE_PT_compare_with_cycles"] == ["nacre.compare_with_cycles"]
     assert shown["NACRE_PT_missing_wheels"] is None
     assert shown["NACRE_PT_active_material"] is None
 
 
+def test_a_comparison_shows_its_wipe_and_its_figures(scene):
+    scene.nacre.comparison.facts = "PSNR\t31.0 dB"
+    for name in ("NACRE_PT_compare_with_cycles", "NACRE_PT_compare_in_images"):
+        assert draw(by_name(name)) == ["nacre.compare_with_cycles", "wipe", "PSNR", "31.0 dB"]
+
+
 def test_panels_are_in_the_nacre_tab():
     for cls in panels.CLASSES:
-        assert (cls.bl_space_type, cls.bl_region_type, cls.bl_category) == (
-            "VIEW_3D",
-            "UI",
-            "Nacre",
-        )
+        assert (cls.bl_region_type, cls.bl_category) == ("UI", "Nacre")
+    elsewhere = {cls.__name__ for cls in panels.CLASSES if cls.bl_space_type != "VIEW_3D"}
+    assert elsewhere == {"NACRE_PT_compare_in_images"}
 
 
 def test_facts_are_drawn_without_reading_a_file(scene, dataset, model, monkeypatch):

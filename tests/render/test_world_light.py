@@ -6,11 +6,12 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.nodes import world_light
 from addon.nodes.graph import Graph
-from addon.nodes.world_light import follow_world, read_world, rotation_of, turned
-from addon.render.engines import ENGINES, render_pixels, set_engine
+from addon.nodes.turning import follow_world, rotation_of, turned
+from addon.render import world_light
+from addon.render.engines import NODE_ENGINES, render_pixels, set_engine
 from addon.render.stage import add_camera, add_mesh, new_scene
+from addon.render.world_light import read_world
 from addon.tables.environment import build_environment, environment_vectors
 from addon.tables.light_lobes import light_lobes
 from addon.tables.parabolic import texel_directions
@@ -145,7 +146,7 @@ def test_a_diffuse_sphere_is_as_in_cycles() -> None:
     assert np.abs(seen[inside] - expected).mean() < 0.02 * expected.mean()
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", NODE_ENGINES)
 def test_frames_turn_with_the_world(engine: str) -> None:
     """By drivers alone: no node changes when the world's rotation does."""
     with new_scene((2, 2)) as scene:
@@ -183,9 +184,10 @@ def test_frames_follow_an_edit_at_once() -> None:
     bpy.context.scene.world = world
     for angle in (0.5, -1.0):
         mapping.inputs["Rotation"].default_value = (0.0, 0.0, angle)
-        follow_world(world)
+        assert follow_world(world, mapping, axis.socket.node)
         bpy.context.view_layer.update()
         assert axis.socket.node.inputs["Rotation"].default_value[2] == pytest.approx(angle)
+        assert not follow_world(world, mapping, axis.socket.node)
 
 
 def _diffuser(size: int = 64) -> Tables:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -11,8 +11,8 @@ import numpy as np
 from mathutils import Matrix
 from numpy.typing import NDArray
 
-from ..render.engines import render_pixels, set_engine
-from .graph import Graph, Wire
+from ..nodes.turning import turning_node
+from .engines import render_pixels, set_engine
 
 SIZE = (256, 128)
 SAMPLES = 64
@@ -39,66 +39,6 @@ def read_world(world: bpy.types.World | None) -> WorldLight:
     mapping = turning_node(world)
     with _unturned(world, mapping) as copy:
         return WorldLight(_panorama(copy), mapping)
-
-
-def turning_node(world: bpy.types.World) -> bpy.types.ShaderNodeMapping | None:
-    """The Mapping node that turns all of a world: the one between the world's directions and its
-    only Environment Texture, when nothing else of it is set."""
-    nodes = list(world.node_tree.nodes) if world.node_tree else []
-    directional = [n for n in nodes if n.type.startswith("TEX_") and n.type != "TEX_COORD"]
-    if len(directional) != 1 or directional[0].type != "TEX_ENVIRONMENT":
-        return None
-    if any(node.type in ("GROUP", "NEW_GEOMETRY") for node in nodes):
-        return None
-    links = directional[0].inputs["Vector"].links
-    node = links[0].from_node if links else None
-    if node is None or node.type != "MAPPING" or node.vector_type != "POINT":
-        return None
-    source = node.inputs["Vector"].links
-    if not source or source[0].from_socket.identifier != "Generated":
-        return None
-    if any(node.inputs[name].is_linked for name in ("Location", "Rotation", "Scale")):
-        return None
-    plain = tuple(node.inputs["Location"].default_value) == (0.0, 0.0, 0.0)
-    plain &= tuple(node.inputs["Scale"].default_value) == (1.0, 1.0, 1.0)
-    # Directions may be used elsewhere too, to mix with the horizon say.
-    users = [link for link in world.node_tree.links if link.from_node == source[0].from_node]
-    return node if plain and len(users) == 1 else None
-
-
-def rotation_of(mapping: bpy.types.ShaderNodeMapping | None) -> NDArray[np.float64]:
-    """The matrix (3, 3) that takes directions in the scene to those of the picture."""
-    if mapping is None:
-        return np.eye(3)
-    return np.array(mapping.inputs["Rotation"].default_value.to_matrix())
-
-
-def turned(
-    g: Graph, axes: Sequence[Wire], world: bpy.types.World, mapping: bpy.types.ShaderNodeMapping
-) -> list[Wire]:
-    """Directions in the scene as those of the picture, driven by the world's own rotation.
-
-    They follow its keys; after an edit they follow once `follow_world` was called.
-    """
-    path = f'node_tree.nodes["{bpy.utils.escape_identifier(mapping.name)}"].inputs["Rotation"]'
-    found = []
-    for axis in axes:
-        node = g.node("ShaderNodeMapping", axis, vector_type="POINT")
-        for index in range(3):
-            driver = node.inputs["Rotation"].driver_add("default_value", index).driver
-            driver.type = "SUM"
-            variable = driver.variables.new()
-            variable.targets[0].id_type = "WORLD"
-            variable.targets[0].id = world
-            variable.targets[0].data_path = f"{path}.default_value[{index}]"
-        found.append(g.wire(node))
-    return found
-
-
-def follow_world(world: bpy.types.World) -> None:
-    """Let what is driven by a world's rotation follow an edit: Blender evaluates such drivers when
-    the world is tagged, and an edit of its nodes tags only these."""
-    world.update_tag()
 
 
 @contextmanager

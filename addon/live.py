@@ -1,0 +1,93 @@
+"""What keeps materials in step with the file they are in: handlers of Blender's own events.
+
+Lights that move are followed by drivers (nodes.light_group); what is here is for lights that come
+and go, and for final renders of another quality.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.app.handlers import persistent
+
+from .nodes.light_set import bring_up_to_date, light_set, light_sets, owner_of
+from .nodes.material import groups_of, nacre_materials, swap_final
+from .nodes.model_group import lights_of, show_lights
+
+_KINDS = ("OBJECT", "LIGHT", "COLLECTION", "SCENE")
+
+
+def follow_lights(scene: bpy.types.Scene) -> bool:
+    """Bring all light sets, and the materials under them, up to date; whether anything changed.
+
+    Materials whose lights have gone, as those that came from another file, are lit by `scene`.
+    """
+    sets = light_sets()
+    changed = [tree for tree in sets if owner_of(tree) is not None and bring_up_to_date(tree)]
+    stray = [tree for tree in sets if owner_of(tree) is None or tree != light_set(owner_of(tree))]
+    if not changed and not stray:
+        return False
+    for material in nacre_materials():
+        for group in groups_of(material):
+            lights = lights_of(group)
+            if lights in stray:
+                show_lights(group, light_set(owner_of(lights) or scene))
+            elif lights in changed:
+                show_lights(group, lights)
+    for tree in stray:
+        bpy.data.node_groups.remove(tree)
+    return True
+
+
+def materials_showing(path: str | Path) -> list[bpy.types.Material]:
+    """The materials that show a model's file."""
+    wanted = Path(path).resolve()
+    return [
+        material
+        for material in nacre_materials()
+        if material.nacre.model and Path(bpy.path.abspath(material.nacre.model)).resolve() == wanted
+    ]
+
+
+@persistent
+def _updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    if any(depsgraph.id_type_updated(kind) for kind in _KINDS):
+        _changed(scene)
+
+
+@persistent
+def _changed(scene: bpy.types.Scene | str | None, *_: Any) -> None:
+    # While a picture is rendered on a thread, the trees it reads must not be written.
+    if not bpy.app.is_job_running("RENDER"):
+        follow_lights(scene if isinstance(scene, bpy.types.Scene) else bpy.context.scene)
+
+
+@persistent
+def _swap(*_: Any) -> None:
+    for material in nacre_materials():
+        swap_final(material)
+
+
+_HANDLERS = {
+    "depsgraph_update_post": _updated,
+    "load_post": _changed,
+    "undo_post": _changed,
+    "redo_post": _changed,
+    "render_init": _swap,
+    "render_complete": _swap,
+    "render_cancel": _swap,
+}
+
+
+def register() -> None:
+    """Listen to Blender's events."""
+    for name, handler in _HANDLERS.items():
+        getattr(bpy.app.handlers, name).append(handler)
+
+
+def unregister() -> None:
+    """Listen no more."""
+    for name, handler in _HANDLERS.items():
+        getattr(bpy.app.handlers, name).remove(handler)

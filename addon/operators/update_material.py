@@ -1,0 +1,65 @@
+"""A material brought up to date with the files of its models."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..errors import NacreError
+from ..jobs import JobOperator, Progress, Work
+from .ready import is_ready
+
+
+class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
+    """Read the models of the active material again, and show them in place"""
+
+    bl_idname = "nacre.update_material"
+    bl_label = "Update Material"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        from ..nodes.material import is_nacre_material
+
+        if context.object is None or not is_nacre_material(context.object.active_material):
+            cls.poll_message_set("Select an object whose material shows a model")
+            return False
+        return is_ready(cls)
+
+    def prepare(self, context: bpy.types.Context) -> Work:
+        from ..datasets.occlusion import MAPPINGS
+        from ..models.exr import load_model
+        from ..tables.tables import build_tables
+
+        self._material = context.object.active_material
+        files = self._material.nacre
+        paths = {
+            part: Path(bpy.path.abspath(getattr(files, part)))
+            for part in ("model", "occlusion", "final_model")
+            if getattr(files, part)
+        }
+
+        def work(progress: Progress) -> Any:
+            def share(number: int) -> Progress:
+                return lambda f, text: progress((number + f) / len(paths), text)
+
+            found = {}
+            for number, (part, path) in enumerate(paths.items()):
+                model = load_model(path)
+                wanted = "occlusion" if part == "occlusion" else "btf"
+                if model.kind != wanted:
+                    raise NacreError(f"{path}: a model of {model.kind}; expected one of {wanted}")
+                mapping = MAPPINGS.get(model.dataset.get("value", ""), MAPPINGS["mask"])
+                found[part] = build_tables(model, progress=share(number)), mapping
+            return found
+
+        return work
+
+    def finish(self, context: bpy.types.Context, result: Any) -> None:
+        from ..nodes.material import set_coverage, set_final_tables, set_tables
+
+        if "model" in result:
+            set_tables(self._material, result["model"][0])
+        set_final_tables(self._material, result.get("final_model", (None,))[0])
+        set_coverage(self._material, *result.get("occlusion", (None,)))
+        self.report({"INFO"}, f"Updated the material {self._material.name}")

@@ -1,0 +1,91 @@
+"""What a material shows in the engine: a model's tables, or a plain colour."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import bpy
+
+from ..errors import NacreError
+
+if TYPE_CHECKING:  # models need the compiled packages, and the engine registers without
+    from ..tables.tables import Tables
+
+KEPT = 8
+"""Models whose tables are kept for another picture."""
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """Tables of a BTF or of occlusion, or neither; `message` says why a model could not be read.
+
+    Visibility is Eq. 26's threshold and weight, `repeat` the patches along u and v in one UV unit.
+    """
+
+    btf: Tables | None = None
+    occlusion: Tables | None = None
+    visibility: tuple[float, float] = (0.5, 1.0)
+    repeat: tuple[float, float] = (1.0, 1.0)
+    base: tuple[float, float, float] = (0.8, 0.8, 0.8)
+    message: str = ""
+
+
+def final_appearance_of(material: bpy.types.Material | None) -> Appearance:
+    """A material's appearance in a final render, which may show another model."""
+    return appearance_of(material, final=True)
+
+
+def appearance_of(material: bpy.types.Material | None, final: bool = False) -> Appearance:
+    """A material's appearance; never raises for a model that is missing or broken."""
+    if material is None:
+        return Appearance()
+    settings = getattr(material, "nacre", None)
+    path = getattr(settings, "model", "")
+    if final:
+        path = getattr(settings, "final_model", "") or path
+    if not path:
+        return Appearance(base=base_colour(material))
+    tables, message = tables_of(bpy.path.abspath(path, library=material.library))
+    if tables is None:
+        return Appearance(base=(0.4, 0.4, 0.4), message=f"{material.name}: {message}")
+    if tables.light is None:
+        return Appearance(occlusion=tables, repeat=_repeat(material), base=base_colour(material))
+    return Appearance(btf=tables, repeat=_repeat(material))
+
+
+def tables_of(path: str) -> tuple[Tables | None, str]:
+    """The tables of a model file, or None and why it cannot be shown; kept until it changes."""
+    try:
+        found = os.stat(path)
+    except OSError:
+        return None, f"{path}: no such model file"
+    return _read_tables(path, found.st_mtime_ns, found.st_size)
+
+
+@lru_cache(maxsize=KEPT)
+def _read_tables(path: str, _time: int, _size: int) -> tuple[Tables | None, str]:
+    try:
+        from ..models.exr import load_model
+        from ..tables.tables import build_tables
+
+        return build_tables(load_model(path)), ""
+    except (NacreError, ImportError, OSError) as error:
+        return None, str(error)
+
+
+def base_colour(material: bpy.types.Material) -> tuple[float, float, float]:
+    """The colour of a Principled BSDF that no texture feeds, or that of the viewport."""
+    tree = material.node_tree
+    for node in tree.nodes if tree is not None else ():
+        if node.type == "BSDF_PRINCIPLED" and not node.inputs["Base Color"].is_linked:
+            return tuple(node.inputs["Base Color"].default_value[:3])
+    return tuple(material.diffuse_color[:3])
+
+
+def _repeat(material: bpy.types.Material) -> tuple[float, float]:
+    """What the material's node tree multiplies its UV map with."""
+    node = material.node_tree.nodes.get("Repeat") if material.node_tree is not None else None
+    return tuple(node.inputs[1].default_value[:2]) if node is not None else (1.0, 1.0)

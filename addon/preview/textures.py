@@ -1,0 +1,106 @@
+"""Tables on the graphics card: texture arrays whose layers are blocks of the core and map quads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import gpu
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import NacreError
+from ..tables.levels import layers_of_levels
+
+if TYPE_CHECKING:  # models need the compiled packages, and the engine registers without
+    from ..tables.tables import Tables
+
+LARGEST = 16384
+"""Texels along a texture that every driver takes."""
+
+LAYERS = 2048
+"""Layers of a texture array that every driver takes."""
+
+TEXEL_BYTES = 8  # RGBA, half floats
+
+
+@dataclass(frozen=True)
+class TableTextures:
+    """Textures of one set of tables by the names that evaluate.glsl gives them, without the set's.
+
+    Half floats scaled to a peak of 1 each; `scale` takes values back. `bytes` on the card.
+    """
+
+    textures: dict[str, gpu.types.GPUTexture]
+    scale: float
+    bytes: int
+
+
+def can_filter() -> bool:
+    """Whether textures made by Python filter and repeat in hardware; from 5.2."""
+    return hasattr(gpu.types.GPUTexture, "filter_mode")
+
+
+def core_tiles(blocks: int) -> int:
+    """Core blocks side by side in one layer, where there are more of them than layers."""
+    return -(-blocks // LAYERS)
+
+
+def upload(tables: Tables) -> TableTextures:
+    """Tables as half floats on the card. Raises NacreError when they do not fit textures."""
+    arrays = {"core": _tiled(layers_of_levels(tables.core)), "view": _layers(tables.view)}
+    if tables.light is not None:
+        arrays["light"] = _layers(tables.light)
+    scale = 1.0
+    for name, array in arrays.items():
+        peak = float(np.abs(array).max()) or 1.0
+        arrays[name] = array / np.float32(peak)
+        scale *= peak
+    for name, index, clusters in (
+        ("light_index", tables.light_index, tables.core.shape[0]),
+        ("view_index", tables.view_index, tables.core.shape[1]),
+    ):
+        if clusters > 1:
+            arrays[name] = _index_quads(index)
+    textures = {name: texture_array(array) for name, array in arrays.items()}
+    if can_filter():
+        textures["core"].filter_mode(True)
+    size = sum(array.size // 4 * TEXEL_BYTES for array in arrays.values())
+    return TableTextures(textures, scale, size)
+
+
+def texture_array(array: NDArray[np.float32], format: str = "RGBA16F") -> gpu.types.GPUTexture:
+    """A texture array from (layers, height, width, 4). Raises NacreError beyond the limits."""
+    layers, height, width, _ = array.shape
+    if layers > LAYERS or max(height, width) > LARGEST:
+        raise NacreError(
+            f"the tables need a texture of {width} x {height} with {layers} layers, and graphics "
+            f"cards take {LARGEST} x {LARGEST} with {LAYERS}: compress with lower ranks or fewer "
+            "clusters"
+        )
+    data = np.ascontiguousarray(array, np.float32).reshape(-1)
+    buffer = gpu.types.Buffer("FLOAT", data.size, data)
+    return gpu.types.GPUTexture((width, height), layers=layers, format=format, data=buffer)
+
+
+def _layers(maps: NDArray[np.float32]) -> NDArray[np.float32]:
+    return maps.reshape(-1, *maps.shape[-3:])
+
+
+def _tiled(blocks: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Blocks (n, height, width, 4) as layers of `core_tiles` blocks side by side."""
+    tiles = core_tiles(len(blocks))
+    if tiles == 1:
+        return blocks
+    count, height, width, _ = blocks.shape
+    filled = np.zeros((-(-count // tiles) * tiles, height, width, 4), np.float32)
+    filled[:count] = blocks
+    filled = filled.reshape(-1, tiles, height, width, 4).swapaxes(1, 2)
+    return filled.reshape(-1, height, tiles * width, 4)
+
+
+def _index_quads(index: NDArray[np.uint32]) -> NDArray[np.float32]:
+    """Clusters (K, N, N) in quads (K / 4, N, N, 4); half floats hold them exactly, as a core has
+    at most 2048 clusters."""
+    filled = np.pad(index, ((0, -len(index) % 4), (0, 0), (0, 0)))
+    return np.moveaxis(filled.reshape(-1, 4, *index.shape[1:]), 1, -1).astype(np.float32)

@@ -1,0 +1,110 @@
+"""The engine as Blender runs it: F12, models that cannot be read, and panels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+import gpu
+import numpy as np
+import pytest
+
+import addon
+from addon.preview import appearance
+from addon.preview.appearance import Appearance, tables_of
+from addon.render.engines import render_pixels
+from addon.render.stage import add_camera, add_mesh, add_sun, new_scene
+
+
+@pytest.fixture
+def extension() -> Iterator[None]:
+    addon.register()
+    yield
+    addon.unregister()
+
+
+@pytest.fixture
+def scene(extension):
+    material = bpy.data.materials.new("Grey")
+    material.diffuse_color = (0.5, 0.5, 0.5, 1.0)
+    if material.node_tree is not None:
+        material.node_tree.nodes.clear()
+    with new_scene((16, 12)) as scene:
+        add_mesh(scene, "plane", material)
+        add_camera(scene, (0.0, 0.0), 2.0)
+        add_sun(scene, (0.0, 0.0))
+        scene.render.engine = "NACRE"
+        yield scene
+
+
+@pytest.mark.skipif(hasattr(gpu, "init"), reason="5.2 renders in background")
+def test_background_of_4_5_says_why_it_cannot(scene):
+    with pytest.raises(RuntimeError, match="cannot draw in background before Blender 5.2"):
+        render_pixels(scene)
+
+
+@pytest.mark.usefixtures("need_gpu")
+def test_f12(scene):
+    pixels = render_pixels(scene)
+    assert pixels.shape == (12, 16, 3)
+    np.testing.assert_allclose(pixels[6, 8], 0.5 + 0.5 * 0.02, atol=1e-3)
+    np.testing.assert_allclose(pixels[0, 0], 0.02, atol=1e-3)
+
+
+@pytest.mark.usefixtures("need_gpu")
+def test_resolution_percentage(scene):
+    scene.render.resolution_percentage = 50
+    assert render_pixels(scene).shape == (6, 8, 3)
+
+
+def test_missing_and_broken_models_are_told(tmp_path):
+    tables, message = tables_of(str(tmp_path / "none.exr"))
+    assert tables is None and "no such model file" in message
+    broken = tmp_path / "broken.exr"
+    broken.write_bytes(b"not a picture")
+    tables, message = tables_of(str(broken))
+    assert tables is None and "broken.exr" in message
+
+
+def test_tables_are_kept_until_the_file_changes(tmp_path, monkeypatch):
+    read = []
+    monkeypatch.setattr("addon.models.exr.load_model", lambda path: read.append(path))
+    monkeypatch.setattr("addon.tables.tables.build_tables", lambda model: object())
+    appearance._read_tables.cache_clear()
+    path = tmp_path / "model.exr"
+    path.write_bytes(b"1")
+    first, _ = tables_of(str(path))
+    assert tables_of(str(path))[0] is first
+    path.write_bytes(b"12")
+    assert tables_of(str(path))[0] is not first
+    assert len(read) == 2
+    appearance._read_tables.cache_clear()
+
+
+@pytest.mark.usefixtures("need_gpu")
+def test_placeholder_is_a_grey_checker(scene):
+    from addon.preview.picture import camera_picture
+
+    scene.view_layers[0].update()
+    pixels, messages = camera_picture(
+        scene.view_layers[0].depsgraph,
+        (16, 12),
+        1,
+        lambda _material: Appearance(base=(0.4, 0.4, 0.4), message="Grey: gone.exr: no such file"),
+    )
+    inside = pixels[4:8, 6:10, :3]
+    assert messages == ("Grey: gone.exr: no such file",)
+    assert inside.std() > 0.05
+    np.testing.assert_array_equal(inside[..., 0], inside[..., 1])
+
+
+def test_standard_panels_show_with_the_engine(extension):
+    assert "NACRE" in bpy.types.RENDER_PT_format.COMPAT_ENGINES
+    assert "NACRE" in bpy.types.DATA_PT_EEVEE_light.COMPAT_ENGINES
+
+
+def test_unregistering_takes_panels_back():
+    addon.register()
+    addon.unregister()
+    panels = bpy.types.Panel.__subclasses__()
+    assert not any("NACRE" in getattr(panel, "COMPAT_ENGINES", ()) for panel in panels)
