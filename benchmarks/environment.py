@@ -25,6 +25,7 @@ from addon.datasets.dataset import Dataset
 from addon.models.exr import read_picture
 from addon.models.fit import compress, quality_settings
 from addon.nodes.graph import Graph
+from addon.nodes.turning import follow_world, turned
 from addon.tables.environment import (
     GRID,
     build_environment,
@@ -148,7 +149,7 @@ def turning() -> None:
     for step in range(20):
         start = perf_counter()
         mapping.inputs["Rotation"].default_value = (0.0, 0.0, 0.1 * step)
-        follow_world(world)
+        follow_world(world, mapping, axis.socket.node)
         bpy.context.view_layer.update()
         took.append(perf_counter() - start)
     followed = axis.socket.node.inputs["Rotation"].default_value[2]

@@ -129,9 +129,7 @@ def follow_turned_world(tree: bpy.types.ShaderNodeTree) -> None:
     mapping = world.node_tree.nodes.get(environment.mapping)
     here = next((node for node in tree.nodes if node.type == "MAPPING"), None)
     if mapping is not None and here is not None:
-        wanted, shown = (node.inputs["Rotation"].default_value for node in (mapping, here))
-        if tuple(wanted) != tuple(shown):
-            follow_world(world)
+        follow_world(world, mapping, here)
 
 
 def lights_of(tree: bpy.types.ShaderNodeTree) -> bpy.types.ShaderNodeTree | None:

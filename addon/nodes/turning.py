@@ -65,7 +65,16 @@ def turned(
     return found
 
 
-def follow_world(world: bpy.types.World) -> None:
-    """Let what is driven by a world's rotation follow an edit: Blender evaluates such drivers when
-    the world is tagged, and an edit of its nodes tags only these."""
+def follow_world(
+    world: bpy.types.World, mapping: bpy.types.ShaderNodeMapping, driven: bpy.types.Node
+) -> bool:
+    """Let what `turned` wrote follow an edit of the world's rotation; whether there was one.
+
+    `driven` is one of the nodes written. Blender evaluates their drivers when the world is tagged,
+    and an edit of its nodes tags only these.
+    """
+    wanted, found = (node.inputs["Rotation"].default_value for node in (mapping, driven))
+    if np.allclose(wanted, found, atol=1e-6):
+        return False
     world.update_tag()
+    return True

@@ -184,9 +184,10 @@ def test_frames_follow_an_edit_at_once() -> None:
     bpy.context.scene.world = world
     for angle in (0.5, -1.0):
         mapping.inputs["Rotation"].default_value = (0.0, 0.0, angle)
-        follow_world(world)
+        assert follow_world(world, mapping, axis.socket.node)
         bpy.context.view_layer.update()
         assert axis.socket.node.inputs["Rotation"].default_value[2] == pytest.approx(angle)
+        assert not follow_world(world, mapping, axis.socket.node)
 
 
 def _diffuser(size: int = 64) -> Tables:
