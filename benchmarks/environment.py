@@ -18,7 +18,6 @@ from time import perf_counter
 
 import bpy
 import numpy as np
-from addon.nodes.world_light import follow_world, turned
 from numpy.typing import NDArray
 
 from addon.datasets.dataset import Dataset
