@@ -1,7 +1,13 @@
 """What a scene and a material keep of the user's choices."""
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, PointerProperty, StringProperty
+from bpy.props import (
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    PointerProperty,
+    StringProperty,
+)
 
 from .comparison_properties import NACRE_PG_comparison
 from .errors import NacreError
@@ -148,6 +154,13 @@ class NACRE_PG_material(bpy.types.PropertyGroup):
         "followed live; if empty, those of the scene",
         type=bpy.types.Collection,
         update=_lights_set,
+    )
+    patch_size: FloatVectorProperty(
+        name="Patch Size",
+        description="Width and height of the measured patch; 0 where the model does not say",
+        size=2,
+        subtype="XYZ_LENGTH",
+        min=0.0,
     )
     model: StringProperty(
         name="Model",

@@ -68,6 +68,11 @@ def material_from_tables(
     return material
 
 
+def set_repeat(material: bpy.types.Material, across: float, up: float) -> None:
+    """How many patches a UV unit has along u and v."""
+    material.node_tree.nodes["Repeat"].inputs[1].default_value = across, up, 1.0
+
+
 def set_tables(material: bpy.types.Material, tables: Tables) -> None:
     """Show other tables in place: what is linked to the material's nodes stays."""
     group = group_of(material)

@@ -10,6 +10,7 @@ from . import (
     import_btf,
     light_by_world,
     measure,
+    real_size,
     update_material,
 )
 
@@ -22,6 +23,7 @@ CLASSES = (
     create_material.NACRE_OT_create_material,
     update_material.NACRE_OT_update_material,
     light_by_world.NACRE_OT_light_by_world,
+    real_size.NACRE_OT_real_size,
     hide_repetition.NACRE_OT_hide_repetition,
     compare_with_cycles.NACRE_OT_compare_with_cycles,
     cancel.NACRE_OT_cancel,

@@ -32,7 +32,8 @@ class NACRE_OT_create_material(JobOperator, bpy.types.Operator):
 
         def work(progress: Progress) -> Any:
             progress(0.0, "Reading the model")
-            return build_tables(load_btf(path), progress=progress)
+            model = load_btf(path)
+            return model.dataset.get("patch_size"), build_tables(model, progress=progress)
 
         return work
 
@@ -42,9 +43,11 @@ class NACRE_OT_create_material(JobOperator, bpy.types.Operator):
 
         chosen = context.scene.nacre
         owner = chosen.lights or context.scene
-        material = material_from_tables(result, self._name, owner)
+        size, tables = result
+        material = material_from_tables(tables, self._name, owner)
         material.nacre.lights = chosen.lights
         material.nacre.model = chosen.model
+        material.nacre.patch_size = size or (0.0, 0.0)
         meshes = _target_meshes(context)
         for item in meshes:
             item.active_material = material

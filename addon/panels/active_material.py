@@ -26,6 +26,7 @@ class NACRE_PT_active_material(SidebarPanel, bpy.types.Panel):
             column = layout.column(align=True)
             column.prop(repeat.inputs[1], "default_value", index=0, text="Repeat X")
             column.prop(repeat.inputs[1], "default_value", index=1, text="Y")
+            column.operator("nacre.real_size", icon="DRIVER_DISTANCE")
         row = layout.row(align=True)
         row.operator("nacre.light_by_world", icon="WORLD")
         row.operator("nacre.light_by_world", text="", icon="X").remove = True

@@ -403,6 +403,24 @@ def test_the_world_lights_a_material_and_turns_live(scene, model, monkeypatch):
     assert len(bpy.data.images) == images - 1
 
 
+def test_a_material_is_as_large_as_it_was_measured(scene, model):
+    scene.nacre.model = str(model)
+    bpy.ops.mesh.primitive_plane_add(size=0.6)  # one UV unit
+    plane = bpy.context.object
+    bpy.ops.nacre.create_material()
+    material = plane.active_material
+    width, height = material.nacre.patch_size
+    assert width > 0.0
+    plane.scale = (2.0, 2.0, 2.0)
+    bpy.context.view_layer.update()
+    assert bpy.ops.nacre.real_size() == {"FINISHED"}
+    repeat = material.node_tree.nodes["Repeat"].inputs[1].default_value
+    assert tuple(repeat) == pytest.approx((1.2 / width, 1.2 / height, 1.0), rel=1e-4)
+    for corner in plane.data.uv_layers.active.uv:
+        corner.vector = (0.0, 0.0)
+    assert "has no area" in fails(bpy.ops.nacre.real_size)
+
+
 def add_environment(world):
     """A picture of noise, and the node that turns it."""
     if world.node_tree is None:
