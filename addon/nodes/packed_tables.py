@@ -123,12 +123,15 @@ def stored(tree: bpy.types.ShaderNodeTree) -> PackedTables:
 
 
 def unpack(packed: PackedTables) -> Tables:
-    """The tables of a BTF that were packed."""
+    """The tables that were packed."""
     shapes, size = packed.shapes, packed.shapes.size
     tiles = shapes.light_rank * shapes.view_quads
     core = cut_out(packed.core, tiles, shapes.height, shapes.width)
-    light = cut_out(packed.light, shapes.channels * shapes.light_quads, size, size)
-    light = light.reshape(*light.shape[:2], shapes.channels, shapes.light_quads, size, size, 4)
+    light = None
+    if packed.light is not None:
+        light = cut_out(packed.light, shapes.channels * shapes.light_quads, size, size)
+        light = light.reshape(*light.shape[:2], shapes.channels, shapes.light_quads, size, size, 4)
+        light = np.moveaxis(light, 0, 2)
     view = cut_out(packed.view, shapes.view_mixtures * shapes.view_quads, size, size)
     first = -(-shapes.light_mixtures // 4)
     index = cut_out(packed.index, first - (-shapes.view_mixtures // 4), size, size)[0, 0]
@@ -141,7 +144,7 @@ def unpack(packed: PackedTables) -> Tables:
         core=core.reshape(
             *shapes.clusters, shapes.light_rank, shapes.view_quads, shapes.height, shapes.width, 4
         ),
-        light=np.moveaxis(light, 0, 2),
+        light=light,
         view=view.reshape(
             shapes.view_owners, shapes.view_mixtures, shapes.view_quads, size, size, 4
         ),

@@ -42,6 +42,9 @@ def appearance_of(material: bpy.types.Material | None, final: bool = False) -> A
     """A material's appearance; never raises for a model that is missing or broken."""
     if material is None:
         return Appearance()
+    packed = _packed_appearance(material.original, final)
+    if packed is not None:
+        return packed
     settings = getattr(material, "nacre", None)
     path = getattr(settings, "model", "")
     if final:
@@ -53,18 +56,49 @@ def appearance_of(material: bpy.types.Material | None, final: bool = False) -> A
         return Appearance(base=(0.4, 0.4, 0.4), message=f"{material.name}: {message}")
     if tables.light is None:
         return Appearance(occlusion=tables, repeat=_repeat(material), base=base_colour(material))
-    holes, visibility, message = None, (0.5, 1.0), ""
-    coverage = material.node_tree.nodes.get("Nacre Coverage") if material.node_tree else None
-    if settings.occlusion and coverage is not None:
-        holes, message = tables_of(bpy.path.abspath(settings.occlusion, library=material.library))
-        visibility = tuple(coverage.inputs[name].default_value for name in ("Threshold", "Weight"))
+    return Appearance(btf=tables, repeat=_repeat(material))
+
+
+def _packed_appearance(material: bpy.types.Material, final: bool) -> Appearance | None:
+    """What the material's own node groups hold, as EEVEE and Cycles show it: no file is read."""
+    nodes = material.node_tree.nodes if material.node_tree is not None else {}
+    names = ("Nacre Final Model", "Nacre Model") if final else ("Nacre Model",)
+    node = next((nodes.get(name) for name in names if nodes.get(name) is not None), None)
+    btf = None if node is None else _unpacked(node.node_tree)
+    if btf is None:
+        return None
+    coverage = nodes.get("Nacre Coverage")
+    if coverage is None:
+        return Appearance(btf=btf, repeat=_repeat(material))
+    threshold, weight = (coverage.inputs[name].default_value for name in ("Threshold", "Weight"))
     return Appearance(
-        btf=tables,
-        occlusion=holes,
-        visibility=visibility,
+        btf=btf,
+        occlusion=_unpacked(coverage.node_tree),
+        visibility=(threshold, weight),
         repeat=_repeat(material),
-        message=f"{material.name}: {message}" if message else "",
     )
+
+
+def _unpacked(tree: bpy.types.ShaderNodeTree | None) -> Tables | None:
+    """The tables that a node group keeps, or None; the same object until they change."""
+    try:
+        from ..nodes.packed_tables import is_packed, stored
+    except ImportError:  # without the compiled packages
+        return None
+    if not is_packed(tree):
+        return None
+    packed = stored(tree)
+    atlases = (packed.core, packed.view, packed.index, packed.light)
+    images = tuple(atlas.image.session_uid for atlas in atlases if atlas is not None)
+    return _unpack(tree.name_full, images)
+
+
+@lru_cache(maxsize=KEPT)
+def _unpack(name: str, _images: tuple[int, ...]) -> Tables:
+    from ..nodes.packed_tables import stored, unpack
+
+    tree = next(tree for tree in bpy.data.node_groups if tree.name_full == name)
+    return unpack(stored(tree))
 
 
 def tables_of(path: str) -> tuple[Tables | None, str]:

@@ -249,6 +249,7 @@ def test_many_lights_are_summed_on_a_grid():
 
 
 def test_three_views_are_the_measured_ones_where_they_stand():
+    pytest.importorskip("scipy", reason="the benchmarks' packages are not installed")
     model = make_model((12, 14, 5, 6, 3), (3, 2, 3, 3), {"view": 3}, {"view": 1}, ("light",))
     measured = np.asarray(model.dataset["view"])
     rows = three_views(model, flat_view(np.zeros((14, 2)), measured))
@@ -266,6 +267,7 @@ def test_three_views_are_the_measured_ones_where_they_stand():
 
 
 def test_three_views_change_little_with_the_view():
+    pytest.importorskip("scipy", reason="the benchmarks' packages are not installed")
     model = make_model((12, 81, 5, 6, 3), (3, 2, 3, 3), {"view": 3}, {"view": 1}, ("light",))
     model = replace(model, dataset={**model.dataset, "view": ubo_81().tolist()})
     turn = np.linspace(0, 2 * np.pi, 2000)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import bpy
 import gpu
@@ -12,6 +14,8 @@ import pytest
 from addon.preview import context
 from addon.tables.parabolic import texel_directions
 from addon.tables.tables import Tables
+
+sys.path.append(str(Path(__file__).parents[1] / "models"))  # small_btf
 
 
 @pytest.fixture

@@ -8,12 +8,15 @@ import bpy
 import gpu
 import numpy as np
 import pytest
+from small_btf import make_model
 
 import addon
+from addon.nodes.material import material_from_tables, set_final_tables, set_tables
 from addon.preview import appearance
-from addon.preview.appearance import Appearance, tables_of
+from addon.preview.appearance import Appearance, appearance_of, final_appearance_of, tables_of
 from addon.render.engines import render_pixels
 from addon.render.stage import add_camera, add_mesh, add_sun, new_scene
+from addon.tables.tables import build_tables
 
 
 @pytest.fixture
@@ -55,6 +58,22 @@ def test_f12(scene):
 def test_resolution_percentage(scene):
     scene.render.resolution_percentage = 50
     assert render_pixels(scene).shape == (6, 8, 3)
+
+
+def test_materials_have_the_tables_that_their_nodes_have():
+    """Whether the model's file is still there or not, and until the material shows another."""
+    models = [make_model((6, 7, 5, 6, 3), (3, rank, 2, 2)) for rank in (2, 5)]
+    first, second = (build_tables(model, 16) for model in models)
+    material = material_from_tables(first, "Test")
+    shown = appearance_of(material)
+    np.testing.assert_array_equal(shown.btf.core, first.core)
+    assert appearance_of(material).btf is shown.btf
+    set_tables(material, second)
+    np.testing.assert_array_equal(appearance_of(material).btf.core, second.core)
+    set_final_tables(material, first)
+    np.testing.assert_array_equal(appearance_of(material).btf.core, second.core)
+    np.testing.assert_array_equal(final_appearance_of(material).btf.core, first.core)
+    assert shown.occlusion is None
 
 
 def test_missing_and_broken_models_are_told(tmp_path):
