@@ -24,7 +24,7 @@ from .packed_environment import (
     store_environment,
     stored_environment,
 )
-from .packed_tables import PackedTables, is_holder, store, stored
+from .packed_tables import HOLDER, PackedTables, is_holder, store, stored
 from .texel_group import make_texel_group
 from .turning import follow_world, turned
 
@@ -35,7 +35,7 @@ SOCKETS = (
     ("Bitangent", "Unit vector of the surface on the side of +v, in the world"),
     ("Normal", "Unit normal of the surface, in the world"),
 )
-_TEXEL = "Table: Texel"
+_TEXEL = f"{HOLDER}Texel"
 _LIGHTS = "Lights"
 _SCALE = "World Scale"
 

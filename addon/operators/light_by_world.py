@@ -8,7 +8,7 @@ import bpy
 from bpy.props import BoolProperty
 
 from ..jobs import JobOperator, Progress, Work
-from .ready import is_ready
+from .ready import has_model, is_ready
 
 
 class NACRE_OT_light_by_world(JobOperator, bpy.types.Operator):
@@ -27,12 +27,7 @@ class NACRE_OT_light_by_world(JobOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        from ..nodes.material import is_nacre_material
-
-        if context.object is None or not is_nacre_material(context.object.active_material):
-            cls.poll_message_set("Select an object whose material shows a model")
-            return False
-        return is_ready(cls)
+        return has_model(cls, context) and is_ready(cls)
 
     def prepare(self, context: bpy.types.Context) -> Work:
         from ..nodes.material import groups_of

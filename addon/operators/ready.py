@@ -13,3 +13,13 @@ def is_ready(operator: type[bpy.types.Operator]) -> bool:
     if problem is not None:
         operator.poll_message_set(problem)
     return problem is None
+
+
+def has_model(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
+    """Whether the active material shows a model; tells the user if not."""
+    from ..nodes.material import is_nacre_material
+
+    found = context.object is not None and is_nacre_material(context.object.active_material)
+    if not found:
+        operator.poll_message_set("Select an object whose material shows a model")
+    return found

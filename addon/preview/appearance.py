@@ -61,13 +61,17 @@ def appearance_of(material: bpy.types.Material | None, final: bool = False) -> A
 
 def _packed_appearance(material: bpy.types.Material, final: bool) -> Appearance | None:
     """What the material's own node groups hold, as EEVEE and Cycles show it: no file is read."""
+    try:
+        from ..nodes.material import COVERAGE_NODE, FINAL_NODE, MODEL_NODE
+    except ImportError:  # without the compiled packages
+        return None
     nodes = material.node_tree.nodes if material.node_tree is not None else {}
-    names = ("Nacre Final Model", "Nacre Model") if final else ("Nacre Model",)
+    names = (FINAL_NODE, MODEL_NODE) if final else (MODEL_NODE,)
     node = next((nodes.get(name) for name in names if nodes.get(name) is not None), None)
     btf = None if node is None else _unpacked(node.node_tree)
     if btf is None:
         return None
-    coverage = nodes.get("Nacre Coverage")
+    coverage = nodes.get(COVERAGE_NODE)
     if coverage is None:
         return Appearance(btf=btf, repeat=_repeat(material))
     threshold, weight = (coverage.inputs[name].default_value for name in ("Threshold", "Weight"))
@@ -81,10 +85,8 @@ def _packed_appearance(material: bpy.types.Material, final: bool) -> Appearance 
 
 def _unpacked(tree: bpy.types.ShaderNodeTree | None) -> Tables | None:
     """The tables that a node group keeps, or None; the same object until they change."""
-    try:
-        from ..nodes.packed_tables import is_packed, stored
-    except ImportError:  # without the compiled packages
-        return None
+    from ..nodes.packed_tables import is_packed, stored
+
     if not is_packed(tree):
         return None
     packed = stored(tree)
