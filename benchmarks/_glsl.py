@@ -12,7 +12,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from addon.datasets.directions import spherical_to_unit
-from addon.preview.lights import SUN, Light, light_rows
+from addon.preview.lights import Light, light_rows
 from addon.preview.shader import compile_info, constants, let_go
 from addon.preview.surface_shader import surface_info
 from addon.preview.textures import upload
@@ -51,7 +51,7 @@ void main()
   const vec4 regions[BTF_LEVELS] = BTF_REGIONS;
   vec2 place = regions[0].xy + fract(nacre_uv) * regions[0].zw;
   ivec2 view = ivec2(nacre_camera.camera.xy);
-  int count = int(nacre_camera.world.w);
+  int count = int(nacre_lights.count.x);
   int own[BTF_K_VIEW];
   BTF_view_clusters(view, own);
 #if BTF_C_LIGHT == 1
@@ -66,7 +66,7 @@ void main()
 #endif
   int i = 0;
   do {
-    ivec2 texel = ivec2(nacre_lights[i].cone.xy);
+    ivec2 texel = ivec2(nacre_lights.light[i].cone.xy);
 #if BTF_C_LIGHT == 1
     for (int channel = 0; channel < BTF_CHANNELS; channel++) {
       for (int quad = 0; quad < BTF_LIGHT_QUADS; quad++) {
@@ -109,8 +109,8 @@ class Screen:
         self.target = gpu.types.GPUOffScreen(*size, format="RGBA32F")
         self.view = np.array(Vector((0.25, -0.2, 1.0)).normalized())
         axes = [Vector(spherical_to_unit([20 + 5 * n], [47 * n])[0]) for n in range(suns)]
-        lights = [Light(SUN, Vector(), axis, (pi,) * 3) for axis in axes]
-        self.lights = light_rows(lights, [-1] * suns, [0.0] * suns)
+        nowhere = Vector().freeze()
+        self.lights = light_rows([Light("SUN", nowhere, a.freeze(), (pi,) * 3) for a in axes])
         self.texels = texel_of(np.array(axes), tables.size)
 
     def engine(self) -> Callable[[], None]:
@@ -125,7 +125,7 @@ class Screen:
     def summed(self) -> Callable[[], None]:
         """Draw the sum of its fetches."""
         lights = self.lights.copy()
-        lights[: len(self.texels), 3, :2] = self.texels
+        lights[1:].reshape(-1, 4, 4)[: len(self.texels), 3, :2] = self.texels
         return self._draw(_SUM, np.append(texel_of(self.view, self.tables.size), 0), lights)
 
     def pixels(self, draw: Callable[[], None]) -> np.ndarray:
@@ -150,11 +150,15 @@ class Screen:
         self, main: str, viewer: np.ndarray, lights: np.ndarray, before: str = ""
     ) -> Callable[[], None]:
         info, source = surface_info(constants(self.tables), None, 0)
+        info.fragment_out(0, "VEC4", "nacre_colour")
         info.fragment_source(before + source + main)
         shader = compile_info(info)
-        suns = float(len(self.texels))
-        camera = np.concatenate([np.eye(4).ravel(), viewer, [0.0], np.zeros(3), [suns]])
-        blocks = {"nacre_camera": _uniforms(camera), "nacre_lights": _uniforms(lights)}
+        blocks = {
+            "nacre_camera": np.concatenate([np.eye(4).ravel(), viewer, np.zeros(5)]),
+            "nacre_lights": lights,
+            "nacre_material": np.concatenate([np.eye(4).ravel(), np.ones(8)]),
+        }
+        buffers = {name: _uniforms(data) for name, data in blocks.items()}
         triangle = self._triangle(shader)
 
         def draw() -> None:
@@ -163,15 +167,12 @@ class Screen:
             shader.bind()
             for name, texture in self.textures.textures.items():
                 shader.uniform_sampler(f"BTF_{name}", texture)
-            for name, block in blocks.items():
-                shader.uniform_block(name, block)
-            for name, value in (
-                ("BTF_scale", self.textures.scale),
-                ("nacre_object", Matrix()),
-                ("nacre_repeat", (1.0, 1.0)),
-            ):
-                with suppress(ValueError):  # not used by this main
-                    shader.uniform_float(name, value)
+            with suppress(ValueError):  # not used by this main
+                shader.uniform_float("BTF_scale", self.textures.scale)
+            for name, buffer in buffers.items():
+                with suppress(ValueError):
+                    shader.uniform_block(name, buffer)
+            shader.uniform_float("nacre_object", Matrix())
             triangle.draw(shader)
             let_go()
 

@@ -73,18 +73,36 @@ vec4 TABLE_view_quad(int c_light, int k_view, int quad, ivec2 texel)
   return texelFetch(TABLE_view, ivec3(texel, layer), 0);
 }
 
-/* Where a point lies in one or two levels of the core: places in texels of a layer, the finer first,
- * and the coarser one's weight. */
+/* Where a point lies in one or two levels of the core, the finer first: places in texels of a layer,
+ * and weights. With a map of coordinates each level has the four cells of the map round the point. */
+#ifdef TABLE_COORDINATES
+#  define TABLE_CELLS 4
+struct TABLE_Taps {
+  int count;
+  vec3 taps[2 * TABLE_CELLS];
+};
+#else
+#  define TABLE_CELLS 1
 struct TABLE_Taps {
   int count;
   vec4 place;
   float coarse;
 };
+#endif
 
-/* uv unwrapped, in patches, and its derivatives along the screen; 0 for the finest level alone.
- *
- * A map of coordinates (texture synthesis) belongs in front of this: it replaces uv by where the
- * pixel lies on the patch, and keeps the derivatives of the unwrapped uv. */
+/* Place and weight of one tap. */
+vec3 TABLE_tap(TABLE_Taps taps, int number)
+{
+#ifdef TABLE_COORDINATES
+  return taps.taps[number];
+#else
+  return number == 0 ? vec3(taps.place.xy, 1.0 - taps.coarse) : vec3(taps.place.zw, taps.coarse);
+#endif
+}
+
+/* uv unwrapped, in patches, and its derivatives along the screen; 0 for the finest level alone. The
+ * level follows from what is unwrapped, which jumps neither where the patch repeats nor where a map
+ * of coordinates does. */
 TABLE_Taps TABLE_taps(vec2 uv, vec2 uv_dx, vec2 uv_dy)
 {
   const vec4 regions[TABLE_LEVELS] = TABLE_REGIONS;
@@ -92,14 +110,36 @@ TABLE_Taps TABLE_taps(vec2 uv, vec2 uv_dx, vec2 uv_dy)
   float texels = max(length(uv_dx * size), length(uv_dy * size));
   float level = clamp(log2(max(texels, 1e-6)), 0.0, float(TABLE_LEVELS - 1));
   int finer = int(level);
+  float coarse = level - float(finer);
+  TABLE_Taps taps;
+  taps.count = coarse > 0.0 ? 2 * TABLE_CELLS : TABLE_CELLS;
+#ifdef TABLE_COORDINATES
+  /* A level's cells are as wide as its texels. Each shows what the patch has where the map lays the
+   * cell's middle, whose neighbours on the patch it is mostly laid among. */
+  vec2 turn = fract(uv * size / vec2(TABLE_COORDINATES));
+  for (int i = 0; i < 2 * TABLE_CELLS; i++) {
+    int number = min(finer + i / TABLE_CELLS, TABLE_LEVELS - 1);
+    vec4 region = regions[number];
+    ivec2 cells = max(TABLE_COORDINATES >> number, ivec2(1));
+    vec2 place = turn * vec2(cells) - 0.5;
+    vec2 corner = floor(place);
+    vec2 along = place - corner;
+    ivec2 step = ivec2(i & 1, i >> 1 & 1);
+    ivec2 cell = (ivec2(corner) + step + cells) % cells;
+    vec2 middle = (vec2(cell) + 0.5) * vec2(TABLE_COORDINATES) / vec2(cells);
+    vec2 laid = texelFetch(TABLE_coordinates, ivec3(ivec2(middle), 0), 0).xy + fract(middle);
+    vec2 weight = mix(1.0 - along, along, vec2(step));
+    float share = i < TABLE_CELLS ? 1.0 - coarse : coarse;
+    taps.taps[i] = vec3(region.xy + fract(laid / size) * region.zw, weight.x * weight.y * share);
+  }
+#else
   vec2 inside = fract(uv);
   vec4 first = regions[finer];
   vec4 second = regions[min(finer + 1, TABLE_LEVELS - 1)];
-  TABLE_Taps taps;
-  taps.coarse = level - float(finer);
-  taps.count = taps.coarse > 0.0 ? 2 : 1;
+  taps.coarse = coarse;
   taps.place.xy = first.xy + inside * first.zw;
   taps.place.zw = second.xy + inside * second.zw;
+#endif
   return taps;
 }
 
@@ -120,7 +160,7 @@ struct TABLE_Point {
 #endif
 };
 
-/* The core of a light's clusters with the view contracted. The loop over levels is the outermost, as
+/* The core of a light's clusters with the view contracted. The loop over taps is the outermost, as
  * the only one whose length is not known to the compiler, and asks at its end: where pixels run side
  * by side with masks (Mesa's llvmpipe), asking first costs one more round. */
 TABLE_Reduced TABLE_contract_view(TABLE_Point point, int lights[TABLE_K_LIGHT])
@@ -138,8 +178,7 @@ TABLE_Reduced TABLE_contract_view(TABLE_Point point, int lights[TABLE_K_LIGHT])
   }
   int t = 0;
   do {
-    vec2 place = t == 0 ? point.taps.place.xy : point.taps.place.zw;
-    float weight = t == 0 ? 1.0 - point.taps.coarse : point.taps.coarse;
+    vec3 tap = TABLE_tap(point.taps, t);
     for (int i = 0; i < TABLE_K_LIGHT * TABLE_K_VIEW; i++) {
       int kl = i / TABLE_K_VIEW;
       int kv = i % TABLE_K_VIEW;
@@ -150,18 +189,18 @@ TABLE_Reduced TABLE_contract_view(TABLE_Point point, int lights[TABLE_K_LIGHT])
         for (int q = 0; q < TABLE_VIEW_QUADS; q++) {
           vec4 row = rows[i * TABLE_VIEW_QUADS + q];
           int first = block + 4 * quad * TABLE_VIEW_QUADS + q;
-          sum.x += dot(TABLE_core_quad(first, place), row);
+          sum.x += dot(TABLE_core_quad(first, tap.xy), row);
           if (4 * quad + 1 < TABLE_R_LIGHT) {
-            sum.y += dot(TABLE_core_quad(first + TABLE_VIEW_QUADS, place), row);
+            sum.y += dot(TABLE_core_quad(first + TABLE_VIEW_QUADS, tap.xy), row);
           }
           if (4 * quad + 2 < TABLE_R_LIGHT) {
-            sum.z += dot(TABLE_core_quad(first + 2 * TABLE_VIEW_QUADS, place), row);
+            sum.z += dot(TABLE_core_quad(first + 2 * TABLE_VIEW_QUADS, tap.xy), row);
           }
           if (4 * quad + 3 < TABLE_R_LIGHT) {
-            sum.w += dot(TABLE_core_quad(first + 3 * TABLE_VIEW_QUADS, place), row);
+            sum.w += dot(TABLE_core_quad(first + 3 * TABLE_VIEW_QUADS, tap.xy), row);
           }
         }
-        reduced.ranks[set + quad] += weight * sum;
+        reduced.ranks[set + quad] += tap.z * sum;
       }
     }
     t++;
@@ -226,10 +265,58 @@ vec3 TABLE_value(TABLE_Point point, vec3 light)
   return light.z > 0.0 ? max(value * TABLE_scale, 0.0) : vec3(0.0);
 }
 
-/* The environment belongs here: its light is the same sum with the light rows of all directions
- * added up by an environment map, R_light numbers for each channel (and for each cluster of the
- * light and owner of its rows) looked up by the orientation of the frame, in place of
- * TABLE_light_quad. */
+#  ifdef TABLE_WORLD
+
+/* The radiance under a world (tables/environment.py): its light vectors stand where a light's rows do,
+ * with all clusters of lights, as many at a time as one light mixes. The frame's columns are tangent,
+ * bitangent and normal in the world that the vectors were made for. */
+vec3 TABLE_from_world(TABLE_Point point, mat3 frame)
+{
+  NacreCorners around = nacre_corners(frame, TABLE_WORLD);
+  vec3 value = vec3(0.0);
+  int done = 0;
+  do {
+    int first = min(done, TABLE_C_LIGHT - TABLE_K_LIGHT);
+#    if TABLE_C_LIGHT > 1
+    int clusters[TABLE_K_LIGHT];
+    for (int k = 0; k < TABLE_K_LIGHT; k++) {
+      clusters[k] = first + k;
+    }
+    TABLE_Reduced reduced = TABLE_contract_view(point, clusters);
+#    else
+    TABLE_Reduced reduced = point.reduced;
+#    endif
+    for (int i = 0; i < TABLE_K_LIGHT * TABLE_SETS; i++) {
+      int cluster = first + i / TABLE_SETS;
+      if (cluster < done) {
+        continue;
+      }
+#    if TABLE_LIGHT_OWNERS > 1
+      int owner = cluster * TABLE_LIGHT_OWNERS + point.clusters[i % TABLE_SETS];
+#    else
+      int owner = cluster;
+#    endif
+      for (int channel = 0; channel < TABLE_WORLD_CHANNELS; channel++) {
+        int layer = (owner * TABLE_WORLD_CHANNELS + channel) * TABLE_LIGHT_QUADS;
+        for (int quad = 0; quad < TABLE_LIGHT_QUADS; quad++) {
+          vec4 row = vec4(0.0);
+          for (int corner = 0; corner < 4; corner++) {
+            ivec3 at = ivec3(around.texels[corner], layer + quad);
+            row += around.weights[corner] * texelFetch(TABLE_world, at, 0);
+          }
+          value[channel] += dot(row, reduced.ranks[i * TABLE_LIGHT_QUADS + quad]);
+        }
+      }
+    }
+    done = first + TABLE_K_LIGHT;
+  } while (done < TABLE_C_LIGHT);
+#    if TABLE_WORLD_CHANNELS == 1
+  value = value.xxx;
+#    endif
+  return max(value * TABLE_world_scale, 0.0);
+}
+
+#  endif
 
 #else
 

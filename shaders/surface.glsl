@@ -40,7 +40,7 @@ vec3 nacre_light_at(NacreLight light, vec3 position, out vec3 radiance)
 void main()
 {
   /* Derivatives first, where all pixels still go the same way. */
-  vec2 uv = nacre_uv * nacre_repeat;
+  vec2 uv = nacre_uv * nacre_material.repeat.xy;
   vec2 uv_dx = dFdx(uv);
   vec2 uv_dy = dFdy(uv);
   vec3 facing = cross(dFdx(nacre_position), dFdy(nacre_position));
@@ -55,40 +55,52 @@ void main()
 #ifdef NACRE_OCCLUSION /* Eq. 26: threshold and weight */
   float distance = OCCLUSION_occlusion(OCCLUSION_prepare(view, uv, uv_dx, uv_dy));
   alpha = distance >= nacre_visibility.x ? 1.0 : clamp(nacre_visibility.y * distance, 0.0, 1.0);
+#  ifdef NACRE_DEPTH /* a light's view: it gets through where less than half is covered */
+  if (alpha < 0.5) {
+    discard;
+  }
+#  else
   /* The first pass draws what is fully visible, the second blends the rest against its depth. */
   if (nacre_visibility.z == 0.0 ? alpha < 1.0 : (alpha >= 1.0 || alpha <= 0.0)) {
     discard;
   }
+#  endif
 #endif
 
+#ifndef NACRE_DEPTH
   vec3 shade = vec3(0.0);
-#ifdef NACRE_BTF
+#  ifdef NACRE_BTF
   BTF_Point point = BTF_prepare(view, uv, uv_dx, uv_dy);
-#else
-  vec3 base = nacre_base.rgb;
-  if (nacre_base.a > 0.0) { /* a model that could not be read */
-    vec3 cell = floor(nacre_position * nacre_base.a);
+#  else
+  vec3 base = nacre_material.base.rgb;
+  if (nacre_material.base.a > 0.0) { /* a model that could not be read */
+    vec3 cell = floor(nacre_position * nacre_material.base.a);
     base *= mod(cell.x + cell.y + cell.z, 2.0) < 0.5 ? 1.0 : 0.6;
   }
   shade = base * nacre_camera.world.rgb;
-#endif
-  int count = int(nacre_camera.world.w);
+#  endif
+  int count = int(nacre_lights.count.x);
   int i = 0;
   do { /* asks at its end, as evaluate.glsl explains; a light of a scene without any is black */
     vec3 radiance;
-    vec3 direction = nacre_light_at(nacre_lights[i], nacre_position, radiance);
+    NacreLight lamp = nacre_lights.light[i];
+    vec3 direction = nacre_light_at(lamp, nacre_position, radiance);
     vec3 light = direction * frame;
-#ifdef NACRE_SHADOWS
-    if (nacre_lights[i].axis.w >= 0.0) {
-      radiance *= nacre_shadow(nacre_lights[i], nacre_position, frame[2]);
+#  ifdef NACRE_SHADOWS
+    if (lamp.axis.w >= 0.0) {
+      radiance *= nacre_shadow(lamp, nacre_position, frame[2]);
     }
-#endif
-#ifdef NACRE_BTF
+#  endif
+#  ifdef NACRE_BTF
     shade += radiance * BTF_value(point, light);
-#else
+#  else
     shade += radiance * base * max(light.z, 0.0);
-#endif
+#  endif
     i++;
   } while (i < count);
+#  ifdef BTF_WORLD
+  shade += BTF_from_world(point, mat3(nacre_material.turn) * frame);
+#  endif
   nacre_colour = vec4(shade * alpha, alpha);
+#endif
 }

@@ -19,6 +19,14 @@ def make_coordinates(name: str, coordinates: NDArray[np.integer]) -> bpy.types.I
     return make_image(name, pixels)
 
 
+def read_coordinates(image: bpy.types.Image) -> NDArray[np.uint16]:
+    """What `make_coordinates` was given."""
+    width, height = image.size
+    pixels = np.empty(height * width * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels.reshape(height, width, 4)[..., 1::-1].astype(np.uint16)
+
+
 def store_coordinates(tree: bpy.types.ShaderNodeTree, image: bpy.types.Image | None) -> None:
     """Keep a map with a node group, or none."""
     node = tree.nodes.get(_NODE)

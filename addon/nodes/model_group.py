@@ -21,6 +21,7 @@ from .packed_environment import (
     PackedEnvironment,
     pack_environment,
     refill_environment,
+    stamp_of,
     store_environment,
     stored_environment,
 )
@@ -97,7 +98,7 @@ def show_environment(
     if table is not None and before is not None:
         same = (before.world, before.mapping) == (world, mapping)
         if same and refill_environment(before, table):
-            store_environment(tree, replace(before, scale=table.scale))
+            store_environment(tree, replace(before, scale=table.scale, stamp=stamp_of(table)))
             tree.nodes[_SCALE].outputs[0].default_value = table.scale
             return
     packed = None

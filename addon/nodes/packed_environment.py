@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from zlib import crc32
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
 from ..tables.environment import EnvironmentTable
-from .atlas import Atlas, lay_out, make_image
-from .packed_tables import HOLDER
+from .atlas import Atlas, cut_out, lay_out, make_image
+from .packed_tables import HOLDER, Shapes
 
 _KEY = "nacre_environment"
 _NODE = f"{HOLDER}Environment"
@@ -23,6 +24,7 @@ class PackedEnvironment:
 
     Clusters of lights go across and those of views up, as in the model's own images. `world` names
     the world whose light it is and `mapping` the node in it that turns it; "" where there is none.
+    `stamp` is that of the table, to tell when the image was filled with another one.
     """
 
     atlas: Atlas
@@ -31,6 +33,7 @@ class PackedEnvironment:
     scale: float
     world: str = ""
     mapping: str = ""
+    stamp: int = 0
 
 
 def pack_environment(
@@ -42,7 +45,26 @@ def pack_environment(
     image = make_image(name, pixels)
     image.use_half_precision = True  # as the table is
     atlas = Atlas(image, *blocks.shape[:2], columns, rows)
-    return PackedEnvironment(atlas, table.grid, table.vectors.shape[1], table.scale, world, mapping)
+    return PackedEnvironment(
+        atlas, table.grid, table.vectors.shape[1], table.scale, world, mapping, stamp_of(table)
+    )
+
+
+def stamp_of(table: EnvironmentTable) -> int:
+    """A number that differs from one table to the next."""
+    return crc32(table.vectors.tobytes())
+
+
+def unpack_environment(packed: PackedEnvironment, shapes: Shapes) -> EnvironmentTable:
+    """The table that was packed, for a model of these shapes."""
+    grid = packed.grid
+    tiles = packed.channels * shapes.light_quads
+    blocks = cut_out(packed.atlas, tiles, 8 * grid, grid * grid)
+    vectors = blocks.reshape(
+        *blocks.shape[:2], packed.channels, shapes.light_quads, 2, 4, grid, grid, grid, 4
+    )
+    vectors = np.moveaxis(vectors, 0, 2).astype(np.float16)
+    return EnvironmentTable(vectors, packed.scale, shapes.light_rank)
 
 
 def refill_environment(packed: PackedEnvironment, table: EnvironmentTable) -> bool:
@@ -80,6 +102,7 @@ def store_environment(tree: bpy.types.ShaderNodeTree, packed: PackedEnvironment 
                 "scale": packed.scale,
                 "world": packed.world,
                 "mapping": packed.mapping,
+                "stamp": packed.stamp,
             }
         )
     if before is not None and (packed is None or before != packed.atlas.image):

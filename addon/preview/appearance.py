@@ -8,10 +8,13 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import bpy
+import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import NacreError
 
 if TYPE_CHECKING:  # models need the compiled packages, and the engine registers without
+    from ..tables.environment import EnvironmentTable
     from ..tables.tables import Tables
 
 KEPT = 8
@@ -19,14 +22,28 @@ KEPT = 8
 
 
 @dataclass(frozen=True)
+class WorldLight:
+    """A world's light on a model, and the name of the world whose node `mapping` turns it."""
+
+    table: EnvironmentTable
+    world: str = ""
+    mapping: str = ""
+
+
+@dataclass(frozen=True)
 class Appearance:
     """Tables of a BTF or of occlusion, or neither; `message` says why a model could not be read.
 
-    Visibility is Eq. 26's threshold and weight, `repeat` the patches along u and v in one UV unit.
+    `coordinates` (H, W, 2) is the map that lays the patch anew, `lights` names the collection that
+    lights it; "" for the scene. Visibility is Eq. 26's threshold and weight, `repeat` the patches
+    along u and v in one UV unit.
     """
 
     btf: Tables | None = None
     occlusion: Tables | None = None
+    world: WorldLight | None = None
+    coordinates: NDArray[np.integer] | None = None
+    lights: str = ""
     visibility: tuple[float, float] = (0.5, 1.0)
     repeat: tuple[float, float] = (1.0, 1.0)
     base: tuple[float, float, float] = (0.8, 0.8, 0.8)
@@ -54,9 +71,12 @@ def appearance_of(material: bpy.types.Material | None, final: bool = False) -> A
     tables, message = tables_of(bpy.path.abspath(path, library=material.library))
     if tables is None:
         return Appearance(base=(0.4, 0.4, 0.4), message=f"{material.name}: {message}")
+    lights = settings.lights.name if settings.lights is not None else ""
     if tables.light is None:
-        return Appearance(occlusion=tables, repeat=_repeat(material), base=base_colour(material))
-    return Appearance(btf=tables, repeat=_repeat(material))
+        return Appearance(
+            occlusion=tables, lights=lights, repeat=_repeat(material), base=base_colour(material)
+        )
+    return Appearance(btf=tables, lights=lights, repeat=_repeat(material))
 
 
 def _packed_appearance(material: bpy.types.Material, final: bool) -> Appearance | None:
@@ -72,19 +92,36 @@ def _packed_appearance(material: bpy.types.Material, final: bool) -> Appearance 
     if btf is None:
         return None
     coverage = nodes.get(COVERAGE_NODE)
-    if coverage is None:
-        return Appearance(btf=btf, repeat=_repeat(material))
-    threshold, weight = (coverage.inputs[name].default_value for name in ("Threshold", "Weight"))
+    occlusion, visibility = None, Appearance.visibility
+    if coverage is not None:
+        occlusion = _unpacked(coverage.node_tree)
+        visibility = tuple(coverage.inputs[name].default_value for name in ("Threshold", "Weight"))
     return Appearance(
         btf=btf,
-        occlusion=_unpacked(coverage.node_tree),
-        visibility=(threshold, weight),
+        occlusion=occlusion,
+        world=_world_light(node.node_tree),
+        coordinates=_coordinates(node.node_tree),
+        lights=_lights(node.node_tree),
+        visibility=visibility,
         repeat=_repeat(material),
     )
 
 
+def _lights(tree: bpy.types.ShaderNodeTree) -> str:
+    """The collection whose lights a node group shows; "" for a scene's."""
+    from ..nodes.light_set import owner_of
+    from ..nodes.model_group import lights_of
+
+    lights = lights_of(tree)
+    owner = None if lights is None else owner_of(lights)
+    return owner.name if isinstance(owner, bpy.types.Collection) else ""
+
+
+# What node groups keep is read from images once, and is the same object until they change.
+
+
 def _unpacked(tree: bpy.types.ShaderNodeTree | None) -> Tables | None:
-    """The tables that a node group keeps, or None; the same object until they change."""
+    """The tables that a node group keeps, or None."""
     from ..nodes.packed_tables import is_packed, stored
 
     if not is_packed(tree):
@@ -99,8 +136,46 @@ def _unpacked(tree: bpy.types.ShaderNodeTree | None) -> Tables | None:
 def _unpack(name: str, _images: tuple[int, ...]) -> Tables:
     from ..nodes.packed_tables import stored, unpack
 
-    tree = next(tree for tree in bpy.data.node_groups if tree.name_full == name)
-    return unpack(stored(tree))
+    return unpack(stored(_group(name)))
+
+
+def _world_light(tree: bpy.types.ShaderNodeTree) -> WorldLight | None:
+    """The world's light that a node group keeps, or None."""
+    from ..nodes.packed_environment import stored_environment
+
+    packed = stored_environment(tree)
+    if packed is None:
+        return None
+    table = _unpack_world(tree.name_full, packed.atlas.image.session_uid, packed.stamp)
+    return WorldLight(table, packed.world, packed.mapping)
+
+
+@lru_cache(maxsize=KEPT)
+def _unpack_world(name: str, _image: int, _stamp: int) -> EnvironmentTable:
+    from ..nodes.packed_environment import stored_environment, unpack_environment
+    from ..nodes.packed_tables import stored
+
+    tree = _group(name)
+    return unpack_environment(stored_environment(tree), stored(tree).shapes)
+
+
+def _coordinates(tree: bpy.types.ShaderNodeTree) -> NDArray[np.integer] | None:
+    """The map of coordinates that a node group keeps, or None."""
+    from ..nodes.coordinates import stored_coordinates
+
+    image = stored_coordinates(tree)
+    return None if image is None else _read_coordinates(tree.name_full, image.session_uid)
+
+
+@lru_cache(maxsize=KEPT)
+def _read_coordinates(name: str, _image: int) -> NDArray[np.integer]:
+    from ..nodes.coordinates import read_coordinates, stored_coordinates
+
+    return read_coordinates(stored_coordinates(_group(name)))
+
+
+def _group(name: str) -> bpy.types.ShaderNodeTree:
+    return next(tree for tree in bpy.data.node_groups if tree.name_full == name)
 
 
 def tables_of(path: str) -> tuple[Tables | None, str]:

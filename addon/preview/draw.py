@@ -2,53 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
 
 import bpy
 import gpu
 import numpy as np
 from mathutils import Matrix, Vector
 
-from .appearance import Appearance
-from .lights import LIGHTS, light_rows, scene_lights
+from ..nodes.turning import rotation_of
+from .appearance import Appearance, WorldLight
+from .lights import LIGHTS, collection_lights, light_rows, scene_lights
 from .mesh import MeshBatches, mesh_batches
-from .shader import constants, let_go
+from .shader import Constants, constants, let_go
 from .shadow_maps import SIZE, draw_shadow_maps
-from .surface_shader import depth_shader, surface_shader
-from .textures import TableTextures, upload
+from .surface_shader import depth_shader, holes_shader, surface_shader
+from .textures import Uploaded, upload, upload_coordinates, upload_world
+from .view import View
 
 DRAWN = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 CHECKS = 10.0
 """Checks of the placeholder along a metre."""
 
 
-@dataclass(frozen=True)
-class View:
-    """World to clip space, and where the viewer is: a point with 1, or a direction with 0, as
-    homogeneous coordinates of the world."""
-
-    projection: Matrix
-    viewer: tuple[float, float, float, float]
-
-    @classmethod
-    def of(cls, world_to_view: Matrix, window: Matrix) -> View:
-        """From Blender's view and window matrices."""
-        back = world_to_view.inverted()
-        perspective = window[3][3] == 0.0
-        viewer = back.translation if perspective else back.col[2].xyz
-        return cls(window @ world_to_view, (*viewer, 1.0 if perspective else 0.0))
-
-
 @dataclass
 class Resources:
     """What stays on the graphics card from one picture to the next.
 
-    Tables are kept by their identity, together with themselves so that it cannot be used again.
+    Tables, worlds' lights and maps of coordinates are kept by their identity, together with
+    themselves so that it cannot be used again.
     """
 
     meshes: dict[tuple, MeshBatches | None] = field(default_factory=dict)
-    tables: dict[int, tuple[object, TableTextures]] = field(default_factory=dict)
+    textures: dict[int, tuple[object, Uploaded]] = field(default_factory=dict)
     shaders: dict[Hashable, gpu.types.GPUShader] = field(default_factory=dict)
 
     def shader(
@@ -62,20 +50,23 @@ class Resources:
 
 @dataclass(frozen=True)
 class Item:
-    """Triangles of one material, at a place in the world."""
+    """Triangles of one material, at a place in the world; `block` has the material's uniforms."""
 
     batch: gpu.types.GPUBatch
     matrix: Matrix
     appearance: Appearance
+    block: gpu.types.GPUUniformBuf
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """What is the same in all views of a scene; `messages` are for the engine's status line."""
+    """What is the same in all views of a scene: `lights` by the names of their collections, "" for
+    the scene's own, of which there are `count`. `messages` are for the engine's status line."""
 
     items: tuple[Item, ...]
     world: tuple[float, float, float]
-    lights: int
+    count: int
+    lights: dict[str, gpu.types.GPUUniformBuf]
     blocks: dict[str, gpu.types.GPUUniformBuf]
     shadow_maps: gpu.types.GPUTexture | None
     messages: tuple[str, ...]
@@ -92,26 +83,31 @@ def prepare(
     """
     found = list(_items(depsgraph, resources, appearance_of))
     items = tuple(item for item, _ in found)
-    lights = scene_lights(depsgraph)
+    _forget_textures(resources, items)
+    lights = {"": scene_lights(depsgraph)}
+    for name in {item.appearance.lights for item in items} - {""}:
+        collection = bpy.data.collections.get(name)
+        lights[name] = collection_lights(collection, depsgraph) if collection else []
     messages = sorted({item.appearance.message for item in items} - {""})
-    if len(lights) > LIGHTS:
-        messages.append(f"{len(lights)} lights: the first {LIGHTS} are drawn")
-        lights = lights[:LIGHTS]
+    messages += [
+        f"{len(several)} lights: the first {LIGHTS} are drawn"
+        for several in lights.values()
+        if len(several) > LIGHTS
+    ]
     boxes = np.array([box for _, box in found]) if found else np.zeros((1, 2, 3))
     shadows = draw_shadow_maps(
-        lights,
-        [(item.batch, item.matrix) for item in items],
+        [light for several in lights.values() for light in several[:LIGHTS]] if items else [],
         np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)]),
-        resources.shader("depth", depth_shader),
+        lambda view: _draw_depth(items, view, resources),
     )
-    blocks = {"nacre_lights": _uniforms(light_rows(lights, shadows.layers, shadows.texels))}
+    blocks = {}
     if shadows.maps is not None:
         blocks["nacre_shadow_views"] = _uniforms(shadows.views)
-    _forget_tables(resources, items)
     return Prepared(
         items,
         world_colour(depsgraph.scene.world),
-        len(lights),
+        len(lights[""]),
+        {name: _uniforms(light_rows(several, shadows.places)) for name, several in lights.items()},
         blocks,
         shadows.maps,
         tuple(messages),
@@ -125,20 +121,17 @@ def draw(scene: Prepared, view: View, resources: Resources) -> None:
     Depth must be cleared. Colours are linear, with premultiplied alpha.
     Raises NacreError when tables do not fit textures.
     """
-    camera = _uniforms(
-        np.array(view.projection).T, view.viewer, (*scene.world, float(scene.lights))
-    )
-    blocks = {"nacre_camera": camera, **scene.blocks}
+    camera = _camera(view, scene.world)
     gpu.state.depth_test_set("LESS_EQUAL")
     gpu.state.depth_mask_set(True)
     gpu.state.blend_set("NONE")
     for item in scene.items:
-        _draw_item(item, False, blocks, scene.shadow_maps, resources)
+        _draw_item(item, False, camera, scene, resources)
     gpu.state.depth_mask_set(False)
     gpu.state.blend_set("ALPHA_PREMULT")
     for item in scene.items:
         if item.appearance.occlusion is not None:
-            _draw_item(item, True, blocks, scene.shadow_maps, resources)
+            _draw_item(item, True, camera, scene, resources)
     gpu.state.depth_mask_set(True)
     gpu.state.blend_set("NONE")
     gpu.state.depth_test_set("NONE")
@@ -147,7 +140,7 @@ def draw(scene: Prepared, view: View, resources: Resources) -> None:
 
 def table_bytes(resources: Resources) -> int:
     """What tables take on the graphics card."""
-    return sum(kept.bytes for _, kept in resources.tables.values())
+    return sum(uploaded.bytes for _, uploaded in resources.textures.values())
 
 
 def world_colour(world: bpy.types.World | None) -> tuple[float, float, float]:
@@ -167,6 +160,7 @@ def _items(
     appearance_of: Callable[[bpy.types.Material | None], Appearance],
 ) -> Iterator[tuple[Item, np.ndarray]]:
     """The batches of all objects, each with its bounding box (2, 3) in the world."""
+    looks: dict[int, tuple[Appearance, gpu.types.GPUUniformBuf]] = {}
     for instance in depsgraph.object_instances:
         item = instance.object
         if item.type not in DRAWN or not instance.show_self:
@@ -183,70 +177,135 @@ def _items(
         for slot, batch in mesh.batches:
             slots = item.material_slots
             material = slots[min(slot, len(slots) - 1)].material if len(slots) else None
-            yield Item(batch, matrix, appearance_of(material)), box
+            key = 0 if material is None else material.original.session_uid
+            if key not in looks:
+                appearance = appearance_of(material)
+                looks[key] = appearance, _material_block(appearance, depsgraph)
+            yield Item(batch, matrix, *looks[key]), box
 
 
 def _corner(bounds: np.ndarray, number: int) -> tuple[float, ...]:
     return tuple(bounds[number >> axis & 1, axis] for axis in range(3))
 
 
+def _material_block(
+    appearance: Appearance, depsgraph: bpy.types.Depsgraph
+) -> gpu.types.GPUUniformBuf:
+    turn = np.eye(4)
+    if appearance.world is not None:
+        turn[:3, :3] = _turn(appearance.world, depsgraph)
+    checks = CHECKS if appearance.message else 0.0
+    return _uniforms(turn.T, (*appearance.base, checks), (*appearance.repeat, 0.0, 0.0))
+
+
+def _turn(light: WorldLight, depsgraph: bpy.types.Depsgraph) -> np.ndarray:
+    """The matrix (3, 3) from directions in the scene to those of a world's light."""
+    world = bpy.data.worlds.get(light.world)
+    tree = None if world is None else world.evaluated_get(depsgraph).node_tree
+    return rotation_of(None if tree is None else tree.nodes.get(light.mapping))
+
+
 def _draw_item(
     item: Item,
     blended: bool,
-    blocks: dict[str, gpu.types.GPUUniformBuf],
-    shadow_maps: gpu.types.GPUTexture | None,
+    camera: gpu.types.GPUUniformBuf,
+    scene: Prepared,
     resources: Resources,
 ) -> None:
-    shadow_size = SIZE if shadow_maps is not None else 0
-    appearance = item.appearance
-    sets = {
-        name: tables
-        for name, tables in (("BTF", appearance.btf), ("OCCLUSION", appearance.occlusion))
-        if tables is not None
-    }
-    shapes = {name: constants(tables) for name, tables in sets.items()}
+    shadow_size = SIZE if scene.shadow_maps is not None else 0
+    shapes = _shapes(item.appearance)
     key = (shadow_size, *((name, *shape.items()) for name, shape in shapes.items()))
     shader = resources.shader(
         key,
         lambda: surface_shader(shapes.get("BTF"), shapes.get("OCCLUSION"), shadow_size),
     )
     shader.bind()
-    for name, tables in sets.items():
-        uploaded = _uploaded(resources, tables)
-        for texture, held in uploaded.textures.items():
-            shader.uniform_sampler(f"{name}_{texture}", held)
-        shader.uniform_float(f"{name}_scale", uploaded.scale)
-    for name, block in blocks.items():
+    for name in shapes:
+        _bind_tables(shader, name, item.appearance, resources)
+    lights = {"nacre_lights": scene.lights[item.appearance.lights]}
+    for name, block in {**scene.blocks, **lights}.items():
         shader.uniform_block(name, block)
-    if shadow_maps is not None:
-        shader.uniform_sampler("nacre_shadow_maps", shadow_maps)
+    if scene.shadow_maps is not None:
+        shader.uniform_sampler("nacre_shadow_maps", scene.shadow_maps)
+    _draw_batch(shader, item, blended, camera)
+
+
+def _draw_depth(items: Sequence[Item], view: View, resources: Resources) -> None:
+    """What a light sees: all of what is solid, and where the rest has no holes."""
+    camera = _camera(view, (0.0, 0.0, 0.0))
+    solid = resources.shader("depth", depth_shader)
+    solid.bind()
+    for item in items:
+        if item.appearance.occlusion is None:
+            solid.uniform_float("nacre_projection", view.projection @ item.matrix)
+            item.batch.draw(solid)
+    for item in items:
+        if item.appearance.occlusion is not None:
+            shape = _shapes(item.appearance)["OCCLUSION"]
+            shader = resources.shader(("holes", *shape.items()), partial(holes_shader, shape))
+            shader.bind()
+            _bind_tables(shader, "OCCLUSION", item.appearance, resources)
+            _draw_batch(shader, item, False, camera)
+
+
+def _draw_batch(
+    shader: gpu.types.GPUShader, item: Item, blended: bool, camera: gpu.types.GPUUniformBuf
+) -> None:
+    shader.uniform_block("nacre_camera", camera)
+    shader.uniform_block("nacre_material", item.block)
     shader.uniform_float("nacre_object", item.matrix)
-    if "BTF" not in sets:
-        checks = CHECKS if appearance.message else 0.0
-        shader.uniform_float("nacre_base", (*appearance.base, checks))
-    if "OCCLUSION" in sets:
-        shader.uniform_float("nacre_visibility", (*appearance.visibility, float(blended), 0.0))
-    if sets:
-        shader.uniform_float("nacre_repeat", appearance.repeat)
+    if item.appearance.occlusion is not None:
+        visibility = (*item.appearance.visibility, float(blended), 0.0)
+        shader.uniform_float("nacre_visibility", visibility)
     item.batch.draw(shader)
 
 
-def _uploaded(resources: Resources, tables) -> TableTextures:
-    if id(tables) not in resources.tables:
-        resources.tables[id(tables)] = (tables, upload(tables))
-    return resources.tables[id(tables)][1]
+def _shapes(appearance: Appearance) -> dict[str, Constants]:
+    """The constants of each set of tables that a material has."""
+    shapes = {}
+    if appearance.btf is not None:
+        world = appearance.world.table if appearance.world is not None else None
+        shapes["BTF"] = constants(appearance.btf, world, appearance.coordinates)
+    if appearance.occlusion is not None:
+        shapes["OCCLUSION"] = constants(appearance.occlusion, None, appearance.coordinates)
+    return shapes
 
 
-def _forget_tables(resources: Resources, items: tuple[Item, ...]) -> None:
+def _bind_tables(
+    shader: gpu.types.GPUShader, name: str, appearance: Appearance, resources: Resources
+) -> None:
+    tables = appearance.btf if name == "BTF" else appearance.occlusion
+    uploaded = _uploaded(resources, tables, upload)
+    textures = dict(uploaded.textures)
+    if appearance.coordinates is not None:
+        textures |= _uploaded(resources, appearance.coordinates, upload_coordinates).textures
+    if name == "BTF" and appearance.world is not None:
+        table = appearance.world.table
+        textures |= _uploaded(resources, table, upload_world).textures
+        shader.uniform_float(f"{name}_world_scale", uploaded.core_scale * table.scale)
+    for texture, held in textures.items():
+        shader.uniform_sampler(f"{name}_{texture}", held)
+    shader.uniform_float(f"{name}_scale", uploaded.scale)
+
+
+def _uploaded(resources: Resources, held: object, upload: Callable[[Any], Any]) -> Any:
+    if id(held) not in resources.textures:
+        resources.textures[id(held)] = held, upload(held)
+    return resources.textures[id(held)][1]
+
+
+def _forget_textures(resources: Resources, items: Sequence[Item]) -> None:
     """Give back the textures of models that the scene no longer shows."""
-    shown = {
-        id(tables)
-        for item in items
-        for tables in (item.appearance.btf, item.appearance.occlusion)
-        if tables is not None
-    }
-    for key in set(resources.tables) - shown:
-        del resources.tables[key]
+    shown = set()
+    for look in (item.appearance for item in items):
+        world = look.world and look.world.table
+        shown |= {id(held) for held in (look.btf, look.occlusion, look.coordinates, world)}
+    for key in set(resources.textures) - shown:
+        del resources.textures[key]
+
+
+def _camera(view: View, world: tuple[float, float, float]) -> gpu.types.GPUUniformBuf:
+    return _uniforms(np.array(view.projection).T, view.viewer, (*world, 0.0))
 
 
 def _uniforms(*parts) -> gpu.types.GPUUniformBuf:

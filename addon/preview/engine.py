@@ -8,8 +8,9 @@ import gpu
 from ..errors import NacreError
 from .appearance import appearance_of, final_appearance_of
 from .copy_picture import copy_picture, copy_shader
-from .draw import Prepared, Resources, View, draw, prepare, table_bytes
+from .draw import Prepared, Resources, draw, prepare, table_bytes
 from .picture import background, camera_picture
+from .view import View
 
 
 class NACRE_RE_engine(bpy.types.RenderEngine):
@@ -83,4 +84,4 @@ class NACRE_RE_engine(bpy.types.RenderEngine):
 
 def status(scene: Prepared, resources: Resources) -> str:
     """What the picture took, for the viewport's corner."""
-    return f"{scene.lights} lights, {table_bytes(resources) / 1e6:.1f} MB of tables on the GPU"
+    return f"{scene.count} lights, {table_bytes(resources) / 1e6:.1f} MB of tables on the GPU"

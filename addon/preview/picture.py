@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ..errors import NacreError
 from .appearance import Appearance, appearance_of
 from .context import need_gpu
-from .draw import Resources, View, draw, prepare, world_colour
+from .draw import Resources, draw, prepare, world_colour
+from .view import View
 
 SAMPLES = 8
 """Pictures that are averaged against jagged edges."""

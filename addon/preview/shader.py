@@ -6,12 +6,15 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import gpu
+import numpy as np
+from numpy.typing import NDArray
 
 from ..shader_files import shader_text
 from ..tables.levels import regions
 from .textures import can_filter, core_tiles
 
 if TYPE_CHECKING:  # models need the compiled packages, and the engine registers without
+    from ..tables.environment import EnvironmentTable
     from ..tables.tables import Tables
 
 Constants = Mapping[str, str]
@@ -23,8 +26,13 @@ FULL_SCREEN = "void main() { gl_Position = vec4(position, 0.0, 1.0); }"
 _vec4 = "vec4({:.1f}, {:.1f}, {:.1f}, {:.1f})"
 
 
-def constants(tables: Tables) -> Constants:
-    """The constants of one set of tables, without the set's name."""
+def constants(
+    tables: Tables,
+    world: EnvironmentTable | None = None,
+    coordinates: NDArray[np.integer] | None = None,
+) -> Constants:
+    """The constants of one set of tables, without the set's name; with a world's light, and laid by
+    a map of coordinates (H, W, 2)."""
     clusters_light, clusters_view, rank, view_quads, height, width, _ = tables.core.shape
     layout = regions(height, width)
     tiles = core_tiles(clusters_light * clusters_view * rank * view_quads)
@@ -53,6 +61,11 @@ def constants(tables: Tables) -> Constants:
         text["LIGHT_OWNERS"] = str(len(tables.light))
     else:
         text["LIGHT_OWNERS"] = "1"
+    if world is not None:
+        text["WORLD"] = str(world.grid)
+        text["WORLD_CHANNELS"] = str(world.vectors.shape[1])
+    if coordinates is not None:
+        text["COORDINATES"] = "ivec2({1}, {0})".format(*coordinates.shape)
     return text
 
 
@@ -64,6 +77,7 @@ def samplers(numbers: Constants) -> tuple[str, ...]:
     names += [
         f"{mode}_index" for mode in ("light", "view") if int(numbers[f"C_{mode.upper()}"]) > 1
     ]
+    names += [name for name in ("world", "coordinates") if name.upper() in numbers]
     return tuple(names)
 
 
@@ -71,10 +85,13 @@ def read_tables(
     info: gpu.types.GPUShaderCreateInfo, name: str, numbers: Constants, slot: int
 ) -> tuple[str, int]:
     """Constants and samplers of a set of tables for a shader: its printed source, and the next
-    free slot. The push constant NAME_scale takes TableTextures.scale."""
+    free slot. The push constant NAME_scale takes TableTextures.scale, NAME_world_scale its
+    core_scale times that of the world's light."""
     for key, text in numbers.items():
         info.define(f"{name}_{key}", text)
     info.push_constant("FLOAT", f"{name}_scale")
+    if "WORLD" in numbers:
+        info.push_constant("FLOAT", f"{name}_world_scale")
     for texture in samplers(numbers):
         info.sampler(slot, "FLOAT_2D_ARRAY", f"{name}_{texture}")
         slot += 1
@@ -86,7 +103,7 @@ def start_info() -> tuple[gpu.types.GPUShaderCreateInfo, str]:
     info = gpu.types.GPUShaderCreateInfo()
     if can_filter():
         info.define("NACRE_HARDWARE_FILTER", "1")
-    return info, shader_text("parabolic.glsl")
+    return info, shader_text("parabolic.glsl") + shader_text("orientations.glsl")
 
 
 def compile_info(info: gpu.types.GPUShaderCreateInfo) -> gpu.types.GPUShader:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import atan, tan
 
@@ -10,51 +10,44 @@ import gpu
 import numpy as np
 from mathutils import Matrix, Vector
 
-from .lights import POINT, SUN, Light
+from .lights import Light
 from .shader import let_go
 from .surface_shader import SHADOW_VIEWS
+from .view import View
 
 SIZE = 1024
 """Texels along a shadow map."""
 
 NEAR = 0.01  # of the far plane
 
-Draw = tuple[gpu.types.GPUBatch, Matrix]
-"""A batch and its place in the world."""
+Draw = Callable[[View], None]
+"""Draws everything that casts shadows, as a light sees it, into the bound frame buffer."""
 
 
 @dataclass(frozen=True)
 class ShadowMaps:
-    """Depth maps, the lights' views (n, 4, 4) that they were drawn with, and for each light its
-    first layer (-1 for none) and the width of a texel: a sun's in metres, else at 1 m."""
+    """Depth maps, the lights' views (n, 4, 4) that they were drawn with, and of each light that has
+    any its first layer and the width of a texel: a sun's in metres, else at 1 m."""
 
     maps: gpu.types.GPUTexture | None
     views: np.ndarray
-    layers: list[int]
-    texels: list[float]
+    places: dict[Light, tuple[int, float]]
 
 
-def draw_shadow_maps(
-    lights: Sequence[Light],
-    casters: Sequence[Draw],
-    bounds: np.ndarray,
-    shader: gpu.types.GPUShader,
-) -> ShadowMaps:
+def draw_shadow_maps(lights: Sequence[Light], bounds: np.ndarray, draw_casters: Draw) -> ShadowMaps:
     """Shadow maps of as many lights as there are layers; `bounds` (2, 3) holds all casters."""
-    views: list[Matrix] = []
-    layers: list[int] = []
-    texels: list[float] = []
+    views: list[View] = []
+    places: dict[Light, tuple[int, float]] = {}
     for light in lights:
-        faces = light_views(light, bounds) if light.shadow and casters else []
-        room = bool(faces) and len(views) + len(faces) <= SHADOW_VIEWS
-        layers.append(len(views) if room else -1)
-        texels.append(texel_width(light, bounds))
-        views += faces if room else []
+        faces = light_views(light, bounds) if light.shadow and light not in places else []
+        if faces and len(views) + len(faces) <= SHADOW_VIEWS:
+            places[light] = len(views), texel_width(light, bounds)
+            views += [View(face, light.viewer) for face in faces]
     packed = np.zeros((SHADOW_VIEWS, 4, 4), np.float32)
     for row, view in zip(packed, views, strict=False):
-        row[:] = np.array(view).T
+        row[:] = np.array(view.projection).T
     if not views:
-        return ShadowMaps(None, packed, layers, texels)
+        return ShadowMaps(None, packed, places)
     maps = gpu.types.GPUTexture((SIZE, SIZE), layers=len(views), format="DEPTH_COMPONENT32F")
     gpu.state.depth_test_set("LESS_EQUAL")
     gpu.state.depth_mask_set(True)
@@ -63,23 +56,20 @@ def draw_shadow_maps(
         with target.bind():
             target.clear(depth=1.0)
             target.viewport_set(0, 0, SIZE, SIZE)
-            shader.bind()
-            for batch, matrix in casters:
-                shader.uniform_float("nacre_projection", view @ matrix)
-                batch.draw(shader)
+            draw_casters(view)
     let_go()
-    return ShadowMaps(maps, packed, layers, texels)
+    return ShadowMaps(maps, packed, places)
 
 
 def light_views(light: Light, bounds: np.ndarray) -> list[Matrix]:
     """World to clip space of a light's maps."""
     middle, radius = Vector(bounds.mean(0)), _radius(bounds)
-    if light.kind == SUN:
+    if light.kind == "SUN":
         turn = light.axis.to_track_quat("Z", "Y").to_matrix().to_4x4()
         world = (Matrix.Translation(middle) @ turn).inverted()
         return [Matrix.Diagonal((1 / radius, 1 / radius, -1 / radius, 1.0)) @ world]
     far = max((middle - light.position).length + radius, 1e-3)
-    if light.kind == POINT:
+    if light.kind == "POINT":
         angle = 2 * atan(1 + 4 / SIZE)  # two texels beyond the edge, where faces are mixed
         axes = [Vector(sign * row) for row in np.eye(3) for sign in (1.0, -1.0)]
         return [_perspective(light.position, -axis, angle, far) for axis in axes]
@@ -88,9 +78,9 @@ def light_views(light: Light, bounds: np.ndarray) -> list[Matrix]:
 
 def texel_width(light: Light, bounds: np.ndarray) -> float:
     """The width of a shadow texel: of a sun in metres, of others at 1 m."""
-    if light.kind == SUN:
+    if light.kind == "SUN":
         return 2 * _radius(bounds) / SIZE
-    return 2 * tan((np.pi / 2 if light.kind == POINT else light.spread) / 2) / SIZE
+    return 2 * tan((np.pi / 2 if light.kind == "POINT" else light.spread) / 2) / SIZE
 
 
 def _radius(bounds: np.ndarray) -> float:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import gpu
 
+from ..nodes.light_group import KINDS
 from ..shader_files import shader_text
-from .lights import AREA, LIGHTS, POINT, SPOT, SUN
+from .lights import LIGHTS
 from .shader import Constants, compile_info, read_tables, start_info
 
 SHADOW_VIEWS = 64
@@ -13,9 +14,11 @@ SHADOW_VIEWS = 64
 
 _STRUCTS = """
 struct NacreCamera { mat4 projection; vec4 camera; vec4 world; };
+struct NacreMaterial { mat4 turn; vec4 base; vec4 repeat; };
 struct NacreLight { vec4 position; vec4 axis; vec4 radiance; vec4 cone; };
 struct NacreShadowView { mat4 projection; };
 """
+_LIGHTS = f"struct NacreLights {{ vec4 count; NacreLight light[{LIGHTS}]; }};\n"
 
 
 def surface_shader(
@@ -23,6 +26,16 @@ def surface_shader(
 ) -> gpu.types.GPUShader:
     """A shader for tables of these constants; `shadow_size` texels along a shadow map or 0."""
     info, source = surface_info(btf, occlusion, shadow_size)
+    info.fragment_out(0, "VEC4", "nacre_colour")
+    info.fragment_source(source + shader_text("surface.glsl"))
+    return compile_info(info)
+
+
+def holes_shader(occlusion: Constants) -> gpu.types.GPUShader:
+    """A shader that writes the depth of what is covered as a light sees it, for shadow maps; its
+    camera is the light."""
+    info, source = surface_info(None, occlusion, 0)
+    info.define("NACRE_DEPTH", "1")
     info.fragment_source(source + shader_text("surface.glsl"))
     return compile_info(info)
 
@@ -30,20 +43,20 @@ def surface_shader(
 def surface_info(
     btf: Constants | None, occlusion: Constants | None, shadow_size: int
 ) -> tuple[gpu.types.GPUShaderCreateInfo, str]:
-    """A surface shader's description but for its fragments, and the text in front of their main.
+    """A surface shader's description but for its fragments and their colour, and the text in front
+    of their main.
 
     Push constants stay within the 128 bytes that every driver has.
     """
     info, source = start_info()
-    info.typedef_source(_STRUCTS)
+    info.typedef_source(_STRUCTS + _LIGHTS)
     info.uniform_buf(0, "NacreCamera", "nacre_camera")
-    info.uniform_buf(1, "NacreLight", f"nacre_lights[{LIGHTS}]")
-    for name, number in (("POINT", POINT), ("SUN", SUN), ("SPOT", SPOT), ("AREA", AREA)):
+    info.uniform_buf(1, "NacreLights", "nacre_lights")
+    info.uniform_buf(3, "NacreMaterial", "nacre_material")
+    for name, number in KINDS.items():
         info.define(f"NACRE_{name}", str(number))
     info.push_constant("MAT4", "nacre_object")
-    info.push_constant("VEC4", "nacre_base")
     info.push_constant("VEC4", "nacre_visibility")
-    info.push_constant("VEC2", "nacre_repeat")
     slot = 0
     for name, numbers in (("BTF", btf), ("OCCLUSION", occlusion)):
         if numbers is not None:
@@ -63,7 +76,6 @@ def surface_info(
     between.smooth("VEC4", "nacre_tangent")
     between.smooth("VEC2", "nacre_uv")
     info.vertex_out(between)
-    info.fragment_out(0, "VEC4", "nacre_colour")
     info.vertex_source(shader_text("surface_vertex.glsl"))
     return info, source
 

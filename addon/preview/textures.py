@@ -13,6 +13,7 @@ from ..errors import NacreError
 from ..tables.levels import layers_of_levels
 
 if TYPE_CHECKING:  # models need the compiled packages, and the engine registers without
+    from ..tables.environment import EnvironmentTable
     from ..tables.tables import Tables
 
 LARGEST = 16384
@@ -25,15 +26,21 @@ TEXEL_BYTES = 8  # RGBA, half floats
 
 
 @dataclass(frozen=True)
-class TableTextures:
-    """Textures of one set of tables by the names that evaluate.glsl gives them, without the set's.
-
-    Half floats scaled to a peak of 1 each; `scale` takes values back. `bytes` on the card.
-    """
+class Uploaded:
+    """Textures by the names that evaluate.glsl gives them, without the set's; `bytes` on the
+    card."""
 
     textures: dict[str, gpu.types.GPUTexture]
-    scale: float
     bytes: int
+
+
+@dataclass(frozen=True)
+class TableTextures(Uploaded):
+    """Those of one set of tables: half floats scaled to a peak of 1 each. `scale` takes values back,
+    and `core_scale` the core contracted with the view."""
+
+    scale: float
+    core_scale: float
 
 
 def can_filter() -> bool:
@@ -51,11 +58,10 @@ def upload(tables: Tables) -> TableTextures:
     arrays = {"core": _tiled(layers_of_levels(tables.core)), "view": _layers(tables.view)}
     if tables.light is not None:
         arrays["light"] = _layers(tables.light)
-    scale = 1.0
-    for name, array in arrays.items():
-        peak = float(np.abs(array).max()) or 1.0
-        arrays[name] = array / np.float32(peak)
-        scale *= peak
+    peaks = {name: float(np.abs(array).max()) or 1.0 for name, array in arrays.items()}
+    for name, peak in peaks.items():
+        arrays[name] = arrays[name] / np.float32(peak)
+    core_scale = peaks["core"] * peaks["view"]
     for name, index, clusters in (
         ("light_index", tables.light_index, tables.core.shape[0]),
         ("view_index", tables.view_index, tables.core.shape[1]),
@@ -66,7 +72,25 @@ def upload(tables: Tables) -> TableTextures:
     if can_filter():
         textures["core"].filter_mode(True)
     size = sum(array.size // 4 * TEXEL_BYTES for array in arrays.values())
-    return TableTextures(textures, scale, size)
+    return TableTextures(textures, size, core_scale * peaks.get("light", 1.0), core_scale)
+
+
+def upload_world(table: EnvironmentTable) -> Uploaded:
+    """A world's light, as it is: a layer for each cluster of lights, owner, channel and quad, 8 G
+    rows and G * G columns of orientations.
+
+    Raises NacreError when it does not fit a texture.
+    """
+    grid = table.grid
+    layers = np.moveaxis(table.vectors, 2, 0).reshape(-1, 8 * grid, grid * grid, 4)
+    return Uploaded({"world": texture_array(layers)}, table.vectors.nbytes)
+
+
+def upload_coordinates(coordinates: NDArray[np.integer]) -> Uploaded:
+    """A map of coordinates (H, W, 2), row and column of a patch's texel, as (column, row, 0, 0)."""
+    pixels = np.zeros((1, *coordinates.shape[:2], 4), np.float32)
+    pixels[0, ..., :2] = coordinates[..., ::-1]
+    return Uploaded({"coordinates": texture_array(pixels, "RGBA32F")}, pixels.nbytes)
 
 
 def texture_array(array: NDArray[np.float32], format: str = "RGBA16F") -> gpu.types.GPUTexture:
