@@ -52,7 +52,7 @@ def pack_environment(
 
 def stamp_of(table: EnvironmentTable) -> int:
     """A number that differs from one table to the next."""
-    return crc32(table.vectors.tobytes())
+    return crc32(np.float64(table.scale).tobytes(), crc32(table.vectors.tobytes()))
 
 
 def unpack_environment(packed: PackedEnvironment, shapes: Shapes) -> EnvironmentTable:

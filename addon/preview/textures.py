@@ -36,8 +36,10 @@ class Uploaded:
 
 @dataclass(frozen=True)
 class TableTextures(Uploaded):
-    """Those of one set of tables: half floats scaled to a peak of 1 each. `scale` takes values back,
-    and `core_scale` the core contracted with the view."""
+    """Those of one set of tables: half floats scaled to a peak of 1 each.
+
+    `scale` takes values back, and `core_scale` the core contracted with the view.
+    """
 
     scale: float
     core_scale: float

@@ -82,3 +82,41 @@ def direction_tables() -> Tables:
         light_index=np.zeros((1, size, size), np.uint32),
         view_index=np.zeros((1, size, size), np.uint32),
     )
+
+
+@pytest.fixture
+def smooth_tables() -> Callable[..., Tables]:
+    """Positive tables that change slowly with direction, but for one border of clusters each, so
+    that pictures of two engines can be compared: (C_light, C_view) one more than (K_light, K_view)
+    where clustered."""
+
+    def make(mixtures: tuple[int, int] = (1, 2), apart: bool = False, texels=(12, 10)) -> Tables:
+        rng = np.random.default_rng(7)
+        size, rank, quads = 64, 5, 1
+        directions = texel_directions(size)
+        clusters = tuple(count + 1 if count > 1 else 1 for count in mixtures)
+        owners = clusters[::-1] if apart else (1, 1)
+
+        def rows(*shape: int) -> np.ndarray:
+            slopes = rng.uniform(-0.4, 0.4, (*shape, 3))
+            return (1.0 + slopes @ directions.reshape(-1, 3).T).reshape(*shape, size, size)
+
+        def index(mode: int) -> np.ndarray:
+            beyond = directions[..., mode] > 0.1
+            members = np.arange(mixtures[mode])[:, None, None] + beyond
+            return (members % clusters[mode]).astype(np.uint32)
+
+        light = np.zeros((owners[0], 3, mixtures[0], 2, size, size, 4), np.float32)
+        flat = rows(owners[0], 3, mixtures[0], rank)
+        for number in range(rank):
+            light[:, :, :, number // 4, :, :, number % 4] = flat[:, :, :, number]
+        view = np.moveaxis(rows(owners[1], mixtures[1], quads, 4), 3, -1)
+        return Tables(
+            core=rng.uniform(0.1, 1.0, (*clusters, rank, quads, *texels, 4)).astype(np.float32),
+            light=light * directions[..., 2:],
+            view=view.astype(np.float32),
+            light_index=index(0),
+            view_index=index(1),
+        )
+
+    return make
