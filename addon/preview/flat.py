@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..tables.tables import Tables
 from .context import need_gpu
 from .shader import FULL_SCREEN, compile_info, constants, let_go, read_tables, start_info
-from .textures import upload
+from .textures import upload, upload_coordinates
 
 _MAIN = """
 void main()
@@ -30,13 +30,19 @@ void main()
 class FlatEvaluator:
     """One model's textures and the shader that evaluates them for a light and a view at a time."""
 
-    def __init__(self, tables: Tables) -> None:
-        """Raises NacreError where there is no GPU, or tables do not fit its textures."""
+    def __init__(self, tables: Tables, coordinates: NDArray[np.integer] | None = None) -> None:
+        """`coordinates` (H, W, 2) is a map that lays the patch anew.
+
+        Raises NacreError where there is no GPU, or tables do not fit its textures.
+        """
         need_gpu()
         self.tables = tables
-        self.uploaded = upload(tables)
+        uploaded = upload(tables)
+        self.scale, self.textures = uploaded.scale, uploaded.textures
+        if coordinates is not None:
+            self.textures = {**self.textures, **upload_coordinates(coordinates).textures}
         info, source = start_info()
-        text, _ = read_tables(info, "BTF", constants(tables), 0)
+        text, _ = read_tables(info, "BTF", constants(tables, coordinates=coordinates), 0)
         info.vertex_in(0, "VEC2", "position")
         info.push_constant("VEC4", "nacre_place")
         info.push_constant("VEC3", "nacre_light")
@@ -84,9 +90,9 @@ class FlatEvaluator:
         gpu.state.depth_test_set("NONE")
         shader = self.shader
         shader.bind()
-        for name, texture in self.uploaded.textures.items():
+        for name, texture in self.textures.items():
             shader.uniform_sampler(f"BTF_{name}", texture)
-        shader.uniform_float("BTF_scale", self.uploaded.scale)
+        shader.uniform_float("BTF_scale", self.scale)
         if self.tables.light is not None:
             shader.uniform_float("nacre_light", tuple(map(float, light)))
         shader.uniform_float("nacre_view", tuple(map(float, view)))

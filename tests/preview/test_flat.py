@@ -133,6 +133,47 @@ def test_levels_are_mixed_without_a_jump(random_tables):
     assert falling[-1] < 0.1 * falling[0]
 
 
+LAID = {"magnified": 1.7, "texel for texel": 3.0, "small": 8.6, "far": 80.0}
+
+
+@pytest.mark.parametrize("name", LAID)
+def test_a_map_that_only_repeats_changes_nothing(name, smooth_tables):
+    """At any size, and where coordinates jump from the patch's end to its beginning: levels come
+    from the unwrapped UVs."""
+    tables = smooth_tables((2, 2), apart=True, texels=(32, 16))
+    light, view = directions(PAIRS[1])
+    repeats = np.indices((64, 64)).transpose(1, 2, 0) % (32, 16)
+    plain, laid = (
+        FlatEvaluator(tables, coordinates).picture(light[0], view[0], (48, 96), LAID[name])
+        for coordinates in (None, repeats)
+    )
+    assert plain.std() > 1e-3 * plain.mean()
+    np.testing.assert_allclose(laid, plain, rtol=1e-3)
+
+
+def test_a_map_of_coordinates_in_the_distance_is_what_its_texels_average_to(smooth_tables):
+    """Squares of the patch laid at random: against pixels of the finest level, averaged."""
+    tables = smooth_tables((1, 2), texels=(32, 32))
+    light, view = directions(PAIRS[1])
+    size, square = 128, 16
+    rng = np.random.default_rng(2)
+    moves = rng.integers(0, 32, (size // square, size // square, 2))
+    moves = moves.repeat(square, 0).repeat(square, 1)
+    coordinates = (np.indices((size, size)).transpose(1, 2, 0) + moves) % 32
+    evaluator = FlatEvaluator(tables, coordinates)
+
+    def seen(pixels: int) -> np.ndarray:
+        return evaluator.picture(light[0], view[0], (pixels, pixels), size / 32)
+
+    finest = seen(size)
+    for step in (2, 4, 8, 32):
+        boxes = finest.reshape(size // step, step, size // step, step, 3)
+        average, single = boxes.mean((1, 3)), boxes[:, step // 2, :, step // 2]
+        found = np.abs(seen(size // step) - average).mean()
+        # Linear filters blur over a box's edge; single texels sparkle.
+        assert found < (0.75 if step == 2 else 0.5) * np.abs(single - average).mean()
+
+
 def test_tables_of_one_shape_share_a_shader(random_tables):
     first, second = random_tables(rank=7), random_tables(rank=7)
     assert constants(first) == constants(replace(second, core=second.core * 2))

@@ -10,10 +10,12 @@ import pytest
 from mathutils import Euler, Vector
 
 from addon.errors import NacreError
+from addon.nodes.material import material_from_tables, set_coverage
 from addon.preview.appearance import Appearance
 from addon.preview.picture import camera_picture
 from addon.render.engines import render_pixels, set_engine
 from addon.render.stage import add_camera, add_mesh, add_sun, new_scene
+from addon.tables.parabolic import texel_directions
 
 pytestmark = pytest.mark.usefixtures("need_gpu")
 
@@ -144,6 +146,33 @@ def test_shadows_are_those_of_cycles(kind):
     assert np.abs(seen - expected).mean() / expected.mean() < 0.03
 
 
+def test_what_is_partly_visible_is_hidden_by_what_is_in_front(random_tables):
+    """Though it is drawn last; and hides nothing itself that is drawn after it (Section 6.3.3)."""
+    tables = half_hole(random_tables)
+    looks = {
+        "near": Appearance(base=(0, 0.5, 0)),
+        "net": Appearance(occlusion=tables, visibility=(0.1, 10.0), base=(1, 1, 1)),
+        "other": Appearance(occlusion=tables, visibility=(0.1, 10.0), base=(1, 0, 0)),
+    }
+    for names in (("near", "net"), ("net", "near")):
+        with new_scene((32, 32)) as scene:
+            for name in names:
+                plane(scene, name=name).location.z = -0.5 * (name == "net")
+            add_camera(scene, (0.0, 0.0), 1.0)
+            add_sun(scene, (0.0, 0.0)).data.use_shadow = False
+            scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0, 0, 0, 1)
+            seen = picture(scene, lambda material: looks[material.name.split(".")[0]])
+        np.testing.assert_allclose(seen[16, :, :3], np.tile((0, 0.5, 0), (32, 1)), atol=0.01)
+    # Two nets, one over the other: where both are half visible, both are seen.
+    with new_scene((32, 32)) as scene:
+        for name in ("other", "net"):
+            plane(scene, name=name).location.z = -0.5 * (name == "net")
+        add_camera(scene, (0.0, 0.0), 1.0)
+        add_sun(scene, (0.0, 0.0)).data.use_shadow = False
+        seen = picture(scene, lambda material: looks[material.name.split(".")[0]])[16, 20, :3]
+    assert seen[0] > seen[1] > 0.2
+
+
 def half_hole(random_tables):
     """Occlusion that is a hole for u < 1/2, barely covered from there to 3/4, and covered beyond,
     for every view."""
@@ -174,6 +203,68 @@ def test_occlusion_blends_with_what_is_behind(random_tables):
         np.testing.assert_allclose(seen[6], (0, 0.5, 0), atol=0.01)
         np.testing.assert_allclose(seen[20], (0.5, 0.75, 0.5), atol=0.02)
         np.testing.assert_allclose(seen[28], (1, 1, 1), atol=0.01)
+
+
+@pytest.mark.parametrize("kind", ["SUN", "POINT"])
+def test_light_through_holes_is_that_of_cycles(kind, random_tables, smooth_tables):
+    """A net over a plane: black, so that only its shadow is lit."""
+    tables = half_hole(random_tables)
+    tables.core[..., 8:12, 0] = 0.2  # with a weight of 10 nothing is half covered
+    looks = {
+        "net": Appearance(occlusion=tables, visibility=(0.1, 10.0), base=(0, 0, 0)),
+        "White": Appearance(base=(1, 1, 1)),
+    }
+    with new_scene((96, 96)) as scene:
+        net = material_from_tables(smooth_tables(), "net")
+        set_coverage(net, tables, (0.1, 10.0))
+        item = add_mesh(scene, "plane", net)
+        for corner in item.data.uv_layers[0].uv:
+            corner.vector *= 2.0
+        item.location.z = 0.6
+        add_mesh(scene, "plane", diffuse()).scale = (4, 4, 4)
+        if kind == "SUN":
+            add_sun(scene, (40.0, 30.0))
+        else:
+            data = bpy.data.lights.new("Light", kind)
+            data.energy, data.shadow_soft_size = 100.0, 0.0
+            lamp = bpy.data.objects.new("Light", data)
+            lamp.location = (0.5, -0.3, 1.6)
+            scene.collection.objects.link(lamp)
+        add_camera(scene, (35.0, 250.0), 2.6)
+        scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0, 0, 0, 1)
+        seen = picture(scene, lambda material: looks[material.name.split(".")[0]], 4)[..., :3]
+        item.location.z = -1.0
+        without = picture(scene, lambda material: looks[material.name.split(".")[0]], 4)[..., :3]
+        item.location.z = 0.6
+        set_engine(scene, "cycles", 16)
+        scene.cycles.max_bounces, scene.cycles.transparent_max_bounces = 0, 8
+        expected = render_pixels(scene)
+    assert np.abs(seen - without).mean() / expected.mean() > 0.1
+    assert np.abs(seen - expected).mean() / expected.mean() < 0.02
+
+
+def test_holes_are_those_that_the_light_sees(random_tables):
+    """Covered towards +x and open towards -x: a sun on one side gets through."""
+    tables = half_hole(random_tables)
+    tables.core[...] = (1.0, 0.0, 0.0, 0.0)
+    tables.view[..., 0] = texel_directions(tables.size)[..., 0]
+    looks = {
+        "net": Appearance(occlusion=tables, visibility=(0.1, 10.0)),
+        "ground": Appearance(base=(1, 1, 1)),
+    }
+    lit = []
+    for azimuth in (0.0, 180.0):
+        with new_scene((8, 8)) as scene:
+            net = plane(scene, name="net")
+            net.location.z, net.scale = 0.5, (4, 4, 1)
+            plane(scene, name="ground")
+            add_camera(scene, (30.0, 180.0), 0.2)  # where the net is open
+            add_sun(scene, (40.0, azimuth))
+            seen = picture(scene, lambda material: looks[material.name.split(".")[0]])
+            lit.append(seen[4, 4, 0])
+    # What is left of the first is the world's plain light.
+    assert lit[0] < 0.03
+    assert lit[1] == pytest.approx(np.cos(np.radians(40.0)) + 0.02, abs=0.01)
 
 
 def test_several_materials_on_one_mesh(direction_tables):
