@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import bpy
 import numpy as np
@@ -16,6 +17,9 @@ from ..errors import NacreError
 if TYPE_CHECKING:  # models need the compiled packages, and the engine registers without
     from ..tables.environment import EnvironmentTable
     from ..tables.tables import Tables
+
+Read = tuple["Tables | None", str]
+"""Tables, or why there are none."""
 
 KEPT = 8
 """Models whose tables are kept for another picture."""
@@ -55,8 +59,15 @@ def final_appearance_of(material: bpy.types.Material | None) -> Appearance:
     return appearance_of(material, final=True)
 
 
-def appearance_of(material: bpy.types.Material | None, final: bool = False) -> Appearance:
-    """A material's appearance; never raises for a model that is missing or broken."""
+def appearance_of(
+    material: bpy.types.Material | None,
+    final: bool = False,
+    read: Callable[[str], Read] | None = None,
+) -> Appearance:
+    """A material's appearance; never raises for a model that is missing or broken.
+
+    `read` has the tables of a model's file where the nodes hold none; `tables_of` if not given.
+    """
     if material is None:
         return Appearance()
     packed = _packed_appearance(material.original, final)
@@ -68,7 +79,7 @@ def appearance_of(material: bpy.types.Material | None, final: bool = False) -> A
         path = getattr(settings, "final_model", "") or path
     if not path:
         return Appearance(base=base_colour(material))
-    tables, message = tables_of(bpy.path.abspath(path, library=material.library))
+    tables, message = (read or tables_of)(bpy.path.abspath(path, library=material.library))
     if tables is None:
         return Appearance(base=(0.4, 0.4, 0.4), message=f"{material.name}: {message}")
     lights = settings.lights.name if settings.lights is not None else ""
@@ -178,22 +189,37 @@ def _group(name: str) -> bpy.types.ShaderNodeTree:
     return next(tree for tree in bpy.data.node_groups if tree.name_full == name)
 
 
-def tables_of(path: str) -> tuple[Tables | None, str]:
+def tables_of(path: str) -> Read:
     """The tables of a model file, or None and why it cannot be shown; kept until it changes."""
+    file = find_model(path)
+    return (None, f"{path}: no such model file") if file is None else read_tables(file)
+
+
+class ModelFile(NamedTuple):
+    """A file as it was at a time."""
+
+    path: str
+    time: int
+    size: int
+
+
+def find_model(path: str) -> ModelFile | None:
+    """A model's file as it is now, or None."""
     try:
         found = os.stat(path)
     except OSError:
-        return None, f"{path}: no such model file"
-    return _read_tables(path, found.st_mtime_ns, found.st_size)
+        return None
+    return ModelFile(path, found.st_mtime_ns, found.st_size)
 
 
 @lru_cache(maxsize=KEPT)
-def _read_tables(path: str, _time: int, _size: int) -> tuple[Tables | None, str]:
+def read_tables(file: ModelFile) -> Read:
+    """The tables of a file, or None and why it cannot be shown; touches nothing of Blender's."""
     try:
         from ..models.exr import load_model
         from ..tables.tables import build_tables
 
-        return build_tables(load_model(path)), ""
+        return build_tables(load_model(file.path)), ""
     except (NacreError, ImportError, OSError) as error:
         return None, str(error)
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from functools import partial
+
 import bpy
 import gpu
 
@@ -10,7 +13,11 @@ from .appearance import appearance_of, final_appearance_of
 from .copy_picture import copy_picture, copy_shader
 from .draw import Prepared, Resources, draw, prepare, table_bytes
 from .picture import background, camera_picture
+from .readings import Readings
 from .view import View
+
+INTERVAL = 0.2
+"""Seconds between two looks at models that are being read."""
 
 
 class NACRE_RE_engine(bpy.types.RenderEngine):
@@ -60,8 +67,11 @@ class NACRE_RE_engine(bpy.types.RenderEngine):
         viewport = gpu.state.active_framebuffer_get()
         screen = gpu.types.GPUOffScreen(region.width, region.height, format="RGBA16F")
         try:
-            prepared = self.prepared or prepare(depsgraph, resources, appearance_of)
+            prepared = self.prepared or prepare(
+                depsgraph, resources, partial(appearance_of, read=self.readings.tables_of)
+            )
             self.prepared = prepared
+            self._draw_again_once_read()
             with screen.bind():
                 gpu.state.active_framebuffer_get().clear(
                     color=background(depsgraph.scene), depth=1.0
@@ -79,7 +89,25 @@ class NACRE_RE_engine(bpy.types.RenderEngine):
         # __init__ is not called in 4.5 the way Python's is.
         if not hasattr(self, "kept"):
             self.kept, self.prepared = Resources(), None
+            self.readings, self.waiting = Readings(), False
         return self.kept
+
+    def _draw_again_once_read(self) -> None:
+        """Show the models that threads are still reading when they are there."""
+        running = self.readings.running()
+        if not running or self.waiting:
+            return
+        self.waiting = True
+
+        def look() -> float | None:
+            if any(not future.done() for future in running):
+                return INTERVAL
+            with suppress(ReferenceError):  # the viewport shows something else by now
+                self.waiting, self.prepared = False, None
+                self.tag_redraw()
+            return None
+
+        bpy.app.timers.register(look, first_interval=INTERVAL)
 
 
 def status(scene: Prepared, resources: Resources) -> str:

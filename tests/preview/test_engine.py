@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Iterator
 
 import bpy
@@ -14,6 +16,7 @@ import addon
 from addon.nodes.material import material_from_tables, set_final_tables, set_tables
 from addon.preview import appearance
 from addon.preview.appearance import Appearance, appearance_of, final_appearance_of, tables_of
+from addon.preview.readings import Readings
 from addon.render.engines import render_pixels
 from addon.render.stage import add_camera, add_mesh, add_sun, new_scene
 from addon.tables.tables import build_tables
@@ -89,7 +92,7 @@ def test_tables_are_kept_until_the_file_changes(tmp_path, monkeypatch):
     read = []
     monkeypatch.setattr("addon.models.exr.load_model", lambda path: read.append(path))
     monkeypatch.setattr("addon.tables.tables.build_tables", lambda model: object())
-    appearance._read_tables.cache_clear()
+    appearance.read_tables.cache_clear()
     path = tmp_path / "model.exr"
     path.write_bytes(b"1")
     first, _ = tables_of(str(path))
@@ -97,7 +100,52 @@ def test_tables_are_kept_until_the_file_changes(tmp_path, monkeypatch):
     path.write_bytes(b"12")
     assert tables_of(str(path))[0] is not first
     assert len(read) == 2
-    appearance._read_tables.cache_clear()
+    appearance.read_tables.cache_clear()
+
+
+def test_models_are_read_on_threads(tmp_path, monkeypatch, extension):
+    """A placeholder until they are there, then their tables; a changed file is read anew."""
+    go, begun = threading.Event(), []
+
+    def slow(file):
+        begun.append(threading.current_thread())
+        assert go.wait(10)
+        return build_tables(make_model((6, 7, 5, 6, 3), (3, 2, 2, 2)), 16), ""
+
+    monkeypatch.setattr("addon.preview.readings.read_tables", slow)
+    path = tmp_path / "model.exr"
+    path.write_bytes(b"1")
+    material = bpy.data.materials.new("Model")
+    material.nacre.model = str(path)
+    readings = Readings()
+    for _ in range(2):
+        shown = appearance_of(material, read=readings.tables_of)
+        assert shown.btf is None and "being read" in shown.message
+    assert len(begun) == len(readings.running()) == 1
+    assert begun[0] is not threading.current_thread()
+    go.set()
+    begun[0].join(10)
+    assert not readings.running()
+    shown = appearance_of(material, read=readings.tables_of)
+    assert shown.btf is not None and not shown.message
+    path.write_bytes(b"12")
+    readings.tables_of(str(path))
+    assert len(begun) == 2
+    assert "no such model file" in readings.tables_of(str(tmp_path / "none.exr"))[1]
+
+
+def test_what_fails_on_a_thread_is_raised_where_it_is_asked_for(tmp_path, monkeypatch):
+    def broken(file):
+        raise RuntimeError("a defect")
+
+    monkeypatch.setattr("addon.preview.readings.read_tables", broken)
+    path = tmp_path / "model.exr"
+    path.write_bytes(b"1")
+    readings = Readings()
+    with pytest.raises(RuntimeError, match="a defect"):
+        for _ in range(100):
+            readings.tables_of(str(path))
+            time.sleep(0.01)
 
 
 @pytest.mark.usefixtures("need_gpu")
