@@ -73,7 +73,8 @@ def appearance_of(
     packed = _packed_appearance(material.original, final)
     if packed is not None:
         return packed
-    settings = getattr(material, "nacre", None)
+    # Setting these does not bring the evaluated copy up to date.
+    settings = getattr(material.original, "nacre", None)
     path = getattr(settings, "model", "")
     if final:
         path = getattr(settings, "final_model", "") or path
