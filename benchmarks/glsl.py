@@ -2,18 +2,25 @@
 
 A plane fills the picture, square to an orthographic camera, under suns without shadows. The engine
 is compared with a shader that makes the same fetches and only sums them. Tables have the shapes of
-the papers' materials and random numbers. `python -m benchmarks.glsl`
+the papers' materials and random numbers. The same plane as a scene, beside EEVEE's frame of a
+Principled BSDF with four image textures. `python -m benchmarks.glsl`
 """
 
 from __future__ import annotations
 
+import time
 from statistics import median
 
-import bpy  # noqa: F401 - gpu needs it
+import bpy
+import gpu
 
+from addon.preview.appearance import Appearance
 from addon.preview.context import need_gpu
+from addon.preview.draw import Resources, draw, prepare
+from addon.preview.picture import camera_view
 from addon.tables.tables import Tables
 
+from . import nodes
 from ._glsl import Screen, random_tables
 from ._report import bar, table
 
@@ -38,6 +45,7 @@ def main() -> None:
         print(name)
         fetches(tables, needed, index)
         frame_times(tables)
+        against_principled(tables)
 
 
 def fetches(tables: Tables, needed: tuple[int, int], index: tuple[int, int]) -> None:
@@ -74,6 +82,40 @@ def frame_times(tables: Tables) -> None:
         ]
     print(table(rows))
     print(bar(worst <= AT_MOST, f"the engine takes {worst:.2f} times its fetches at most"))
+
+
+def against_principled(tables: Tables) -> None:
+    """The engine's frame over EEVEE's; a viewport's, without what is around a final render."""
+    rows = [["Frame over EEVEE's of a Principled BSDF", "1 light", f"{SUNS[-1]} lights"]]
+    for size in nodes.SIZES:
+        cells = []
+        for suns in (1, SUNS[-1]):
+            with nodes.lit_plane(size, suns) as (scene, _):
+                theirs = nodes.frame(scene)
+                cells.append(f"{engine_frame(scene, tables, size) / theirs:.2f}")
+        rows.append(["{}x{}".format(*size), *cells])
+    print(table(rows))
+
+
+def engine_frame(scene: bpy.types.Scene, tables: Tables, size: tuple[int, int]) -> float:
+    """Seconds in which the engine draws a prepared scene, to the last pixel."""
+    layer = scene.view_layers[0]
+    layer.update()
+    resources = Resources()
+    prepared = prepare(layer.depsgraph, resources, lambda _material: Appearance(btf=tables))
+    view = camera_view(layer.depsgraph, size, (0.0, 0.0))
+    screen = gpu.types.GPUOffScreen(*size, format="RGBA16F")
+    taken = []
+    with screen.bind():
+        buffer = gpu.state.active_framebuffer_get()
+        for _ in range(REPEATS):
+            begun = time.perf_counter()
+            buffer.clear(color=(0.0, 0.0, 0.0, 1.0), depth=1.0)
+            draw(prepared, view, resources)
+            buffer.read_color(0, 0, 1, 1, 4, 0, "FLOAT")
+            taken.append(time.perf_counter() - begun)
+    screen.free()
+    return median(taken)
 
 
 if __name__ == "__main__":

@@ -115,6 +115,32 @@ def test_a_world_lights_as_in_eevee(name: str, smooth_tables: Callable[..., Tabl
     assert apart(seen, before) > 0.05
 
 
+def test_keys_turn_the_world(smooth_tables: Callable[..., Tables]) -> None:
+    """In a final render, too, that the file's own world does not follow."""
+    tables = smooth_tables()
+    radiance = np.zeros((32, 64, 3))
+    radiance[20:, :20] = 1.0, 0.5, 0.2
+    with new_scene((16, 16)) as scene:
+        material = material_from_tables(tables, "Test")
+        add_mesh(scene, "plane", material)
+        add_camera(scene, (20.0, 250.0), 0.5)
+        scene.render.engine = "NACRE"
+        world, mapping = studio()
+        set_environment(material, [table_of(tables, radiance)], world.name, mapping.name)
+        pictures = {}
+        for turn in (0.0, 1.5):
+            mapping.inputs["Rotation"].default_value = turn, 0.0, 0.0
+            world.update_tag()
+            pictures[turn] = ours(scene)
+            mapping.inputs["Rotation"].keyframe_insert("default_value", frame=1 + 10 * turn)
+        assert apart(pictures[1.5], pictures[0.0]) > 0.2
+        for turn, expected in pictures.items():
+            scene.frame_set(int(1 + 10 * turn))
+            assert apart(ours(scene), expected) < 0.01
+        # A final render's world is another copy: a background's is that of the first frame here.
+        assert apart(render_pixels(scene), pictures[0.0]) < 0.01
+
+
 def test_a_world_that_is_read_again_is_shown(smooth_tables: Callable[..., Tables]) -> None:
     """Another table takes the place of the last one in the same image."""
     tables = smooth_tables()
