@@ -20,15 +20,20 @@ from addon.nodes.material import (
     set_lights,
 )
 from addon.nodes.packed_environment import stored_environment
-from addon.preview.appearance import appearance_of
+from addon.preview.appearance import Appearance, WorldLight, appearance_of
 from addon.preview.draw import Resources, prepare
 from addon.preview.picture import camera_picture
 from addon.render.engines import render_pixels, set_engine
 from addon.render.stage import add_camera, add_mesh, add_sun, new_scene
 from addon.render.world_light import read_world
-from addon.tables.environment import EnvironmentTable, build_environment
+from addon.tables.environment import (
+    EnvironmentTable,
+    build_environment,
+    evaluate_environment,
+)
 from addon.tables.light_lobes import light_lobes
 from addon.tables.tables import Tables
+from addon.tables.world_picture import picture_directions
 
 pytestmark = pytest.mark.usefixtures("need_gpu")
 
@@ -113,6 +118,51 @@ def test_a_world_lights_as_in_eevee(name: str, smooth_tables: Callable[..., Tabl
     assert apart(seen[flat], expected[flat]) < 0.01
     assert apart(seen[round_], expected[round_]) < 0.01
     assert apart(seen, before) > 0.05
+
+
+SHAPES = {
+    "one cluster": {"mixtures": (1, 1)},
+    "light rows of the views' clusters": {"mixtures": (1, 3), "apart": True},
+    "clusters of lights": {"mixtures": (3, 1)},
+    "of both": {"mixtures": (2, 3), "apart": True},
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_world_in_all_frames_is_that_of_the_cpu(
+    name: str, smooth_tables: Callable[..., Tables]
+) -> None:
+    """Planes turned any way, every third one mirrored."""
+    tables = smooth_tables(**SHAPES[name], texels=(1, 1))
+    x, y, z = np.moveaxis(picture_directions(32, 64), -1, 0)
+    sun = 30.0 * np.exp(40.0 * (0.48 * x - 0.6 * y + 0.64 * z - 1.0))
+    table = table_of(tables, np.stack([1.0 + x + sun, 1.2 + z + 0.5 * sun, 1.1 - y], -1))
+    rng = np.random.default_rng(3)
+    count = 24
+    turns = rng.uniform(-np.pi, np.pi, (count, 3))
+    turns[0], turns[1] = 0.0, (0.0, 0.0, np.pi)
+    frames = []
+    with new_scene((count, 1)) as scene:
+        material = bpy.data.materials.new("Test")
+        for number, turn in enumerate(turns):
+            item = add_mesh(scene, "plane", material)
+            item.location.x, item.rotation_euler = number - (count - 1) / 2, turn
+            item.scale = (-0.5 if number % 3 == 2 else 0.5, 0.5, 0.5)
+            axes = np.array(item.rotation_euler.to_matrix()).T * [[np.sign(item.scale.x)], [1], [1]]
+            frames.append(axes * np.array([[1], [1], [np.sign(axes[2, 2])]]))
+        add_camera(scene, (0.0, 0.0), float(count))
+        scene.view_layers[0].update()
+        seen = camera_picture(
+            scene.view_layers[0].depsgraph,
+            (count, 1),
+            1,
+            lambda _material: Appearance(btf=tables, world=WorldLight(table)),
+        )[0][0, :, :3]
+    frames = np.array(frames)
+    uv = np.full((count, 2), 0.5)
+    expected = evaluate_environment(tables, table, frames, frames[:, :, 2], uv)
+    assert expected.std(0).min() > 0.1 * expected.mean()
+    np.testing.assert_allclose(seen, expected, rtol=0.01)
 
 
 def test_keys_turn_the_world(smooth_tables: Callable[..., Tables]) -> None:
