@@ -7,12 +7,14 @@ from math import pi
 import bpy
 import numpy as np
 import pytest
-from mathutils import Euler, Vector
+from mathutils import Euler, Matrix, Vector
 
 from addon.errors import NacreError
 from addon.nodes.material import material_from_tables, set_coverage
 from addon.preview.appearance import Appearance
+from addon.preview.lights import light_rows, lights_of
 from addon.preview.picture import camera_picture
+from addon.preview.shadow_maps import draw_shadow_maps
 from addon.render.engines import render_pixels, set_engine
 from addon.render.stage import add_camera, add_mesh, add_sun, new_scene
 from addon.tables.parabolic import texel_directions
@@ -171,6 +173,23 @@ def test_what_is_partly_visible_is_hidden_by_what_is_in_front(random_tables):
         add_sun(scene, (0.0, 0.0)).data.use_shadow = False
         seen = picture(scene, lambda material: looks[material.name.split(".")[0]])[16, 20, :3]
     assert seen[0] > seen[1] > 0.2
+
+
+def test_equal_lights_share_their_shadow_maps():
+    """As those of a scene and of a collection in it; one without shadows has none."""
+    data = bpy.data.lights.new("Point", "POINT")
+    point = lights_of(data, Matrix.Translation((0.0, 0.0, 2.0)))
+    again = lights_of(data, Matrix.Translation((0.0, 0.0, 2.0)))
+    other = lights_of(data, Matrix.Translation((0.0, 1.0, 2.0)))
+    data.use_shadow = False
+    without = lights_of(data, Matrix.Translation((0.0, 0.0, 2.0)))
+    views = []
+    lights = [*point, *again, *without, *other]
+    shadows = draw_shadow_maps(lights, np.array([[-1.0] * 3, [1.0] * 3]), views.append)
+    assert len(views) == 12
+    rows = light_rows(lights, shadows.places)
+    assert rows[0, 0] == 4
+    assert rows[1:].reshape(-1, 4, 4)[:4, 1, 3].tolist() == [0, 0, -1, 6]
 
 
 def half_hole(random_tables):
