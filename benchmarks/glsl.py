@@ -14,8 +14,9 @@ import bpy  # noqa: F401 - gpu needs it
 from addon.preview.context import need_gpu
 from addon.tables.tables import Tables
 
-from ._glsl import Screen, random_tables
+from ._glsl import Screen
 from ._report import bar, table
+from ._tables import random_tables
 
 AT_MOST = 1.5
 """The engine's time over that of its fetches."""
