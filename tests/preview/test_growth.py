@@ -12,7 +12,9 @@ import pytest
 from small_btf import make_model
 
 import addon
-from addon.nodes.material import material_from_tables, nacre_materials, set_tables
+from addon.nodes.light_set import light_set
+from addon.nodes.material import group_of, material_from_tables, nacre_materials, set_tables
+from addon.nodes.model_group import lights_of
 from addon.preview.appearance import appearance_of
 from addon.preview.context import need_gpu
 from addon.preview.draw import Resources, prepare, table_bytes
@@ -126,3 +128,33 @@ def test_a_mesh_that_is_gone_leaves_the_card(material):
     assert drawn(resources)["meshes"] == 2
     bpy.data.objects.remove(bpy.context.object)
     assert drawn(resources)["meshes"] == 1
+
+
+def test_nothing_that_handlers_made_is_pointed_at_while_undo_runs(material):
+    """Blender leaves in memory what two steps hold alike, whatever handlers did to it since: in the
+    window, a second undo left a group that had been written for a light that was gone."""
+    shown = group_of(bpy.data.materials[material])
+    lights = lights_of(shown)
+    during = []
+
+    def look(*_) -> None:
+        during.append((lights_of(group_of(bpy.data.materials[material])), drivers(lights)))
+
+    def drivers(tree: bpy.types.NodeTree) -> int:
+        return len(tree.animation_data.drivers) if tree.animation_data else 0
+
+    written = len(shown.nodes), drivers(lights)
+    assert written[1] > 0
+    bpy.ops.ed.undo_push(message="One")
+    bpy.ops.ed.undo_push(message="The same")
+    for handlers in (bpy.app.handlers.undo_pre, bpy.app.handlers.redo_pre):
+        handlers.append(look)
+    for step in (bpy.ops.ed.undo, bpy.ops.ed.redo):
+        assert step() == {"FINISHED"}
+        shown = group_of(bpy.data.materials[material])
+        assert lights_of(shown) == light_set(bpy.context.scene)
+        assert (len(shown.nodes), drivers(lights_of(shown))) == written
+        lights = lights_of(shown)
+    for handlers in (bpy.app.handlers.undo_pre, bpy.app.handlers.redo_pre):
+        handlers.remove(look)
+    assert during == [(None, 0), (None, 0)]
