@@ -13,7 +13,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import wheels
-from .nodes.light_set import bring_up_to_date, light_set, light_sets, owner_of
+from .nodes.light_set import bring_up_to_date, light_set, light_sets, owner_named, owner_of
 
 # Modules that need the compiled packages are imported where there is something to show: the
 # extension must come up without them, to say so.
@@ -27,25 +27,49 @@ def follow_lights(scene: bpy.types.Scene) -> bool:
     Materials whose lights have gone, as those that came from another file, are lit by `scene`.
     """
     sets = light_sets()
-    if not sets:
+    if wheels.missing() is not None:
         return False
     from .nodes.material import groups_of, nacre_materials
-    from .nodes.model_group import lights_of, show_lights
+    from .nodes.model_group import lights_of, parted_from, show_lights
 
+    groups = [group for material in nacre_materials() for group in groups_of(material)]
+    parted = [group for group in groups if parted_from(group)]
+    if not sets and not parted:
+        return False
     changed = [tree for tree in sets if owner_of(tree) is not None and bring_up_to_date(tree)]
     stray = [tree for tree in sets if owner_of(tree) is None or tree != light_set(owner_of(tree))]
-    if not changed and not stray:
+    if not changed and not stray and not parted:
         return False
-    for material in nacre_materials():
-        for group in groups_of(material):
-            lights = lights_of(group)
-            if lights in stray:
-                show_lights(group, light_set(owner_of(lights) or scene))
-            elif lights in changed:
-                show_lights(group, lights)
+    for group in groups:
+        lights = lights_of(group)
+        if group in parted:
+            show_lights(group, light_set(owner_named(parted_from(group)) or scene))
+        elif lights in stray:
+            show_lights(group, light_set(owner_of(lights) or scene))
+        elif lights in changed:
+            show_lights(group, lights)
     for tree in stray:
         bpy.data.node_groups.remove(tree)
     return True
+
+
+def part_from_lights() -> None:
+    """Take every pointer away that handlers may have made since the last step of undo.
+
+    What two steps hold alike, Blender leaves in memory as it is: pointers to what the other step
+    does not have, and nodes that no longer fit each other, would end in a crash.
+    """
+    sets = light_sets()
+    if not sets or wheels.missing() is not None:
+        return
+    from .nodes import model_group
+    from .nodes.material import groups_of, nacre_materials
+
+    for material in nacre_materials():
+        for group in groups_of(material):
+            model_group.part_from_lights(group)
+    for tree in sets:
+        tree.animation_data_clear()
 
 
 def materials_showing(path: str | Path) -> list[bpy.types.Material]:
@@ -88,6 +112,11 @@ def _changed(scene: bpy.types.Scene | str | None, *_: Any) -> None:
 
 
 @persistent
+def _part(*_: Any) -> None:
+    part_from_lights()
+
+
+@persistent
 def _swap(*_: Any) -> None:
     if wheels.missing() is not None:
         return
@@ -100,6 +129,8 @@ def _swap(*_: Any) -> None:
 _HANDLERS = {
     "depsgraph_update_post": _updated,
     "load_post": _changed,
+    "undo_pre": _part,
+    "redo_pre": _part,
     "undo_post": _changed,
     "redo_post": _changed,
     "render_init": _swap,

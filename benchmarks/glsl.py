@@ -21,8 +21,9 @@ from addon.preview.picture import camera_view
 from addon.tables.tables import Tables
 
 from . import nodes
-from ._glsl import Screen, random_tables
+from ._glsl import Screen
 from ._report import bar, table
+from ._tables import random_tables
 
 AT_MOST = 1.5
 """The engine's time over that of its fetches."""

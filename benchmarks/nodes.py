@@ -29,8 +29,8 @@ from addon.tables.environment import build_environment
 from addon.tables.light_lobes import light_lobes
 from addon.tables.tables import Tables
 
-from ._glsl import random_tables
 from ._report import bar, table
+from ._tables import random_tables
 
 MATERIALS = {
     "K-CTA, Corduroy: R 20x4, C 8, K 3": ((1, 8), (1, 3), (20, 4)),

@@ -44,7 +44,17 @@ def forget(owner: Owner) -> None:
 
 def owner_of(tree: bpy.types.ShaderNodeTree) -> Owner | None:
     """Whose lights a group has; None when that is gone or has another name."""
-    kind, name = tree[_OWNER].split("/", 1)
+    return owner_named(key_of(tree))
+
+
+def key_of(tree: bpy.types.ShaderNodeTree) -> str:
+    """What names the owner of a group's lights."""
+    return tree[_OWNER]
+
+
+def owner_named(key: str) -> Owner | None:
+    """The owner of this name, or None when there is none."""
+    kind, name = key.split("/", 1)
     return getattr(bpy.data, kind).get(name)
 
 

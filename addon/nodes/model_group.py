@@ -16,6 +16,7 @@ from .coordinates import store_coordinates, stored_coordinates
 from .environment_light import environment_radiance
 from .evaluation import Evaluation
 from .graph import Graph, Wire
+from .light_set import key_of
 from .loops import choose, clear, repeat
 from .packed_environment import (
     PackedEnvironment,
@@ -38,6 +39,7 @@ SOCKETS = (
 )
 _TEXEL = f"{HOLDER}Texel"
 _LIGHTS = "Lights"
+_PARTED = "nacre_parted_from"
 _SCALE = "World Scale"
 
 
@@ -112,6 +114,7 @@ def show_lights(tree: bpy.types.ShaderNodeTree, lights: bpy.types.ShaderNodeTree
     """Write a group anew for a light set, or for one whose number of lights has changed."""
     clear(tree, keep=is_holder)
     tree.animation_data_clear()
+    tree.pop(_PARTED, None)
     _write(tree, stored(tree), lights)
 
 
@@ -137,6 +140,19 @@ def lights_of(tree: bpy.types.ShaderNodeTree) -> bpy.types.ShaderNodeTree | None
     """The light set that a group shows."""
     node = tree.nodes.get(_LIGHTS)
     return None if node is None else node.node_tree
+
+
+def part_from_lights(tree: bpy.types.ShaderNodeTree) -> None:
+    """Let a group remember whose lights it shows, in place of showing them."""
+    lights = lights_of(tree)
+    if lights is not None:
+        tree[_PARTED] = key_of(lights)
+        tree.nodes[_LIGHTS].node_tree = None
+
+
+def parted_from(tree: bpy.types.ShaderNodeTree) -> str | None:
+    """What names the owner of the lights that a group was parted from."""
+    return tree.get(_PARTED)
 
 
 def _write(

@@ -161,13 +161,14 @@ def _items(
 ) -> Iterator[tuple[Item, np.ndarray]]:
     """The batches of all objects, each with its bounding box (2, 3) in the world."""
     looks: dict[int, tuple[Appearance, gpu.types.GPUUniformBuf]] = {}
+    kept, resources.meshes = resources.meshes, {}  # those of objects that are gone are given back
     for instance in depsgraph.object_instances:
         item = instance.object
         if item.type not in DRAWN or not instance.show_self:
             continue
         key = (item.original.session_uid, item.data.name_full)
         if key not in resources.meshes:
-            resources.meshes[key] = mesh_batches(item)
+            resources.meshes[key] = kept[key] if key in kept else mesh_batches(item)
         mesh = resources.meshes[key]
         if mesh is None:
             continue

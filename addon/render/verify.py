@@ -15,7 +15,7 @@ from ..models.clustered_tucker import ClusteredTucker
 from ..nodes.material import material_from_tables
 from ..preview.flat import FlatEvaluator
 from ..tables.against_model import tables_against_model
-from ..tables.evaluate import evaluate_patch
+from ..tables.evaluate import evaluate_patch, light_rows, reduced_points
 from ..tables.tables import Tables, build_tables
 from .engines import engines_here, render_pixels
 from .pictures import Direction, flat_scene
@@ -33,8 +33,9 @@ def verify(
     """Errors of each evaluator, absolute and relative to the mean of what it is compared with; of
     all engines that run here when none are named.
 
-    Engines' pictures of the flat patch are compared with the same tables evaluated on the CPU, and
-    under "tables" the tables with the model itself on the whole measured grid, clamped at 0. Under
+    Engines' pictures of the flat patch are compared with the same tables evaluated on the CPU by
+    the compiled helper, and this, under "cpu", with the sum written out in numpy. Under "tables"
+    the tables are compared with the model itself on the whole measured grid, clamped at 0. Under
     "fetches", the RGBA texels read for one light at one spatial tap.
     """
 
@@ -47,22 +48,39 @@ def verify(
     engines = engines or engines_here()
     results: dict[str, dict[str, float]] = {"tables": tables_against_model(model, tables)}
     _, _, height, width, _ = model.shape
+    evaluated, summed = [], []
+    for light, view in direction_pairs(model):
+        step(0.1, "Evaluating on the CPU")
+        lights, views = (spherical_to_unit([d[0]], [d[1]]) for d in (light, view))
+        evaluated.append(evaluate_patch(tables, lights, views)[0, 0])
+        summed.append(_summed(tables, lights, views))
+    expected = np.stack(evaluated)
+    results["cpu"] = errors(expected, np.stack(summed))
     for number, engine in enumerate(engines):
-        measures = []
+        pictures = []
         with _flat_pictures(engine, tables, (width, height)) as picture:
             for index, (light, view) in enumerate(direction_pairs(model)):
                 step(
                     0.2 + 0.8 * (number + index / PAIRS) / len(engines),
                     f"Rendering with {engine}",
                 )
-                seen = picture(light, view)
-                lights, views = (spherical_to_unit([d[0]], [d[1]]) for d in (light, view))
-                measures.append((seen, evaluate_patch(tables, lights, views)[0, 0]))
-        seen, expected = (np.stack(pictures) for pictures in zip(*measures, strict=True))
-        results[engine] = errors(seen, expected)
+                pictures.append(picture(light, view))
+        results[engine] = errors(np.stack(pictures), expected)
     results["fetches"] = dict(tables.fetches)
     step(1.0, "Verified")
     return results
+
+
+def _summed(
+    tables: Tables, light: NDArray[np.floating], view: NDArray[np.floating]
+) -> NDArray[np.float32]:
+    """The patch (Y, X, channel) for one light and view, summed over all clusters in numpy."""
+    height, width = tables.core.shape[4:6]
+    rows, columns = np.indices((height, width)).reshape(2, -1)
+    centres = np.column_stack([(columns + 0.5) / width, (rows + 0.5) / height])
+    reduced = reduced_points(tables, np.repeat(view, len(centres), 0), centres)
+    values = np.einsum("clvr,nvlr->nc", light_rows(tables, light)[0], reduced, optimize=True)
+    return np.maximum(values, 0.0).reshape(height, width, -1)
 
 
 @contextmanager

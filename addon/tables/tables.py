@@ -34,7 +34,8 @@ _CHUNK = 8192  # directions resampled at a time, to bound the memory of the clus
 
 @dataclass(frozen=True)
 class Tables:
-    """What an evaluator reads of one model; all float32 but the indices.
+    """What an evaluator reads of one model; all float32 but the indices. In C order nothing is
+    copied to evaluate them on the CPU.
 
     core         (C_light, C_view, R_light, view quads, Y, X, 4): x and y modes expanded
     light        (owners, channels, K_light, light quads, N, N, 4): light basis, row = y of the
@@ -145,11 +146,11 @@ def build_tables(
     core = np.moveaxis(quads(np.moveaxis(core, 2, -1)), -2, 2)
     step(1.0, "Tables ready")
     return Tables(
-        core=core.reshape(*counts, *core.shape[1:]),
-        light=light,
-        view=view[:, 0],
-        light_index=light_index,
-        view_index=view_index,
+        core=np.ascontiguousarray(core).reshape(*counts, *core.shape[1:]),
+        light=None if light is None else np.ascontiguousarray(light),
+        view=np.ascontiguousarray(view[:, 0]),
+        light_index=np.ascontiguousarray(light_index),
+        view_index=np.ascontiguousarray(view_index),
     )
 
 

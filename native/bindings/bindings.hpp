@@ -21,6 +21,7 @@ void register_nsvd(py::module_& module);
 void register_clustered(py::module_& module);
 void register_search(py::module_& module);
 void register_evaluator(py::module_& module);
+void register_table_evaluator(py::module_& module);
 
 // Samples (light, view, y, x, channel), C-contiguous half or float, used where they lie. `bounded`:
 // memory is; pages of a read-only numpy.memmap are dropped behind the reader.

@@ -63,4 +63,5 @@ PYBIND11_MODULE(_native, module) {
     nacre::python::register_clustered(module);
     nacre::python::register_search(module);
     nacre::python::register_evaluator(module);
+    nacre::python::register_table_evaluator(module);
 }

@@ -4,111 +4,50 @@
 
 Imports the file BTF, compresses it and makes the material through the real operators, with undo,
 redo and cancelling on the way, and ends with the tab open beside the material in the rendered
-viewport. FOLDER takes the dataset, the model, pictures of the window and `report.json`.
+viewport. FOLDER takes the dataset, the model, pictures of the window and `report.json`. The file
+named by the variable REAL_BLENDER_READY appears at the end.
 """
 
-import json
 import os
 import shutil
-import subprocess
 import sys
 import time
-import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
-from math import pi, radians
+from math import radians
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-BTF, FOLDER = (Path(argument).resolve() for argument in sys.argv[sys.argv.index("--") + 1 :][:2])
-SOURCE = FOLDER / "sample" / "wool.btf"
-DATASET, MODEL = SOURCE.with_suffix(".nacre"), SOURCE.with_suffix(".exr")
-MODULE = "bl_ext.user_default.nacre"
-LIMIT = 240.0
-# Blender cannot picture its own window on every driver.
-SCREENSHOT = os.environ.get("NACRE_SCREENSHOT", "fb-png").split()
-
-report: dict = {"passed": False, "checks": [], "seconds": {}}
-Wait = float | Callable[[], bool]
-
-
-def check(name: str, fulfilled: bool) -> None:
-    """Note one check; the report lists all of them."""
-    report["checks"].append({"check": name, "passed": bool(fulfilled)})
-    print("ok  " if fulfilled else "FAIL", name, flush=True)
-
-
-# --- the window -----------------------------------------------------------------------------------
-
-
-def window() -> bpy.types.Window:
-    return bpy.context.window_manager.windows[0]
-
-
-def viewport() -> dict:
-    """What an operator called from a button of the 3D viewport finds in its context."""
-    areas = [area for area in window().screen.areas if area.type == "VIEW_3D"]
-    area = max(areas, key=lambda area: area.width * area.height)
-    region = next(region for region in area.regions if region.type == "WINDOW")
-    return {"window": window(), "area": area, "region": region}
-
-
-def call(operator: Callable, **options) -> None:
-    """Run an operator as a button does: from the viewport, in the window, with undo."""
-    with bpy.context.temp_override(**viewport()):
-        operator("INVOKE_DEFAULT", True, **options)
-
-
-def press(key: str, x: int = 400, y: int = 400) -> None:
-    """A key or mouse button pressed at a place of the window, by default over the viewport."""
-    window().event_simulate("MOUSEMOVE", "NOTHING", x=x, y=y)
-    window().event_simulate(key, "PRESS", x=x, y=y)
-    window().event_simulate(key, "RELEASE", x=x, y=y)
-
-
-def picture(name: str) -> np.ndarray:
-    """A picture of the screen: FOLDER/name.png, and its pixels (height, width, 3), bottom first."""
-    from PIL import Image  # one of the extension's own wheels
-
-    path = FOLDER / f"{name}.png"
-    subprocess.run([*SCREENSHOT, str(path)], check=True)
-    with Image.open(path) as image:
-        return np.asarray(image.convert("RGB"), np.float32)[::-1] / 255.0
-
-
-def sphere_pixels(pixels: np.ndarray) -> np.ndarray:
-    """The middle of the viewport, which the sphere fills."""
-    region = viewport()["region"]
-    side = min(region.width, region.height) // 8
-    x, y = region.x + region.width // 2, region.y + region.height // 2
-    return pixels[y - side : y + side, x - side : x + side]
-
-
-def undo() -> None:
-    call(bpy.ops.ed.undo)
-
-
-def redo() -> None:
-    call(bpy.ops.ed.redo)
-
-
-def settings() -> bpy.types.PropertyGroup:
-    return bpy.context.scene.nacre
-
-
-def job():
-    """The extension's job under way, or None."""
-    return sys.modules[MODULE + ".jobs"].running()
-
-
-def leftovers() -> list[str]:
-    """What lies beside the measured file."""
-    return sorted(path.name for path in SOURCE.parent.iterdir() if path != SOURCE)
-
-
-# --- the story ------------------------------------------------------------------------------------
+sys.path.insert(0, str(Path(__file__).parent))
+from window import (
+    BTF,
+    DATASET,
+    FOLDER,
+    MODEL,
+    MODULE,
+    SOURCE,
+    Wait,
+    call,
+    check,
+    drop,
+    job,
+    leftovers,
+    picture,
+    press,
+    redo,
+    report,
+    set_up,
+    settings,
+    settle,
+    sidebar,
+    sphere_pixels,
+    start,
+    undo,
+    viewport,
+    window,
+)
 
 
 def story() -> Iterator[Wait]:
@@ -147,43 +86,6 @@ def end_early() -> Iterator[Wait]:
         check(f"{what} ends the job", jobs.running() is None)
         check(f"{what} leaves nothing of the import", leftovers() == [])
         yield 1.0
-
-
-def drop(path: Path) -> Iterator[Wait]:
-    """A file dropped on the viewport, confirmed with Return."""
-    call(bpy.ops.nacre.import_btf, filepath=str(path))
-    yield 1.0
-    picture("2-dropped")
-    press("RET")
-
-
-def set_up() -> Iterator[Wait]:
-    """A sphere under a sun in an otherwise empty file, the tab open."""
-    for item in list(bpy.data.objects):
-        bpy.data.objects.remove(item)
-    with bpy.context.temp_override(**viewport()):
-        bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48)
-        bpy.ops.object.shade_smooth()
-        bpy.ops.object.light_add(type="SUN", rotation=(radians(60), 0, radians(-20)))
-    bpy.context.object.data.energy = pi
-    sphere = bpy.data.objects["Sphere"]
-    bpy.context.object.select_set(False)
-    sphere.select_set(True)
-    bpy.context.view_layer.objects.active = sphere
-    space = viewport()["area"].spaces.active
-    space.overlay.show_overlays = space.show_gizmo = False
-    space.region_3d.view_distance = 4.0
-    space.show_region_ui = True
-    yield 0.5
-    sidebar().active_panel_category = "Nacre"
-    bpy.ops.ed.undo_push(message="Set Up")
-    yield 1.0
-    check("the tab is open", sidebar().active_panel_category == "Nacre")
-    picture("1-empty")
-
-
-def sidebar() -> bpy.types.Region:
-    return next(region for region in viewport()["area"].regions if region.type == "UI")
 
 
 def measure() -> Iterator[Wait]:
@@ -374,60 +276,4 @@ def look() -> Iterator[Wait]:
     check("the picture follows the sun", np.abs(after - before).mean() > 0.01)
 
 
-def settle(name: str) -> Iterator[Wait]:
-    """Wait until the sphere is not grey as before its shader is compiled, and stands still."""
-    last, still = None, 0
-    begun = time.monotonic()
-    while still < 3 and time.monotonic() - begun < LIMIT:
-        yield 1.5
-        now = sphere_pixels(picture(name))
-        same = last is not None and np.abs(now - last).max() < 0.02
-        still = still + 1 if same and time.monotonic() - begun > 6.0 else 0
-        last = now
-
-
-# --- the clock ------------------------------------------------------------------------------------
-
-
-def finish(error: str = "") -> None:
-    checks = report["checks"]
-    report["passed"] = not error and all(entry["passed"] for entry in checks)
-    if error:
-        report["error"] = error
-    report["blender"] = bpy.app.version_string
-    (FOLDER / "report.json").write_text(json.dumps(report, indent=1) + "\n")
-    print("PASSED" if report["passed"] else "FAILED", f"({len(checks)} checks)", flush=True)
-    ready = os.environ.get("REAL_BLENDER_READY")
-    if ready:
-        Path(ready).touch()
-
-
-def run() -> Callable[[], float | None]:
-    """A timer's function that goes through the story."""
-    progress = story()
-    waiting: list = [0.0, 0.0]  # for what, since when
-
-    def tick() -> float | None:
-        wait, since = waiting
-        passed = time.monotonic() - since
-        if callable(wait) and passed > LIMIT:
-            finish(f"waited {LIMIT:.0f} s in vain: {progress.gi_yieldfrom}")
-            return None
-        try:
-            if passed < wait if isinstance(wait, float) else not wait():
-                return 0.05
-            waiting[:] = next(progress), time.monotonic()
-        except StopIteration:
-            finish()
-            return None
-        except Exception:
-            traceback.print_exc()
-            finish(traceback.format_exc())
-            return None
-        return 0.05
-
-    return tick
-
-
-FOLDER.mkdir(parents=True, exist_ok=True)
-bpy.app.timers.register(run(), first_interval=1.0, persistent=True)
+start(story())

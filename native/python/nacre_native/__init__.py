@@ -6,6 +6,7 @@ A thin skin over a C++ library. Arrays in and out are numpy's; see `__init__.pyi
 from ._native import (
     Cancelled,
     Evaluator,
+    TableEvaluator,
     __version__,
     core_gram,
     fit_clustered,
@@ -16,6 +17,7 @@ from ._native import (
 __all__ = [
     "Cancelled",
     "Evaluator",
+    "TableEvaluator",
     "__version__",
     "core_gram",
     "fit_clustered",

@@ -157,3 +157,34 @@ class Evaluator:
         """Unclamped values (n, channels), in the domain that was fitted, at texels y * width + x
         (n,) for one light and one view; (pairs, n, channels) for as many lights and views, with
         texels (n,) or (pairs, n)."""
+
+class TableEvaluator:
+    """Tables of a clustered Tucker model (addon/tables/tables.py) evaluated for any light and view,
+    reading only the rows and clusters of the texels of the parabolic maps that are nearest to them.
+    K-CTA, Section 6.3.3; MK-CTA, Section 5.1."""
+
+    def __init__(
+        self,
+        core: ArrayLike,
+        light: ArrayLike | None,
+        view: ArrayLike,
+        light_index: ArrayLike,
+        view_index: ArrayLike,
+    ) -> None:
+        """core (C_light, C_view, R_light, view quads, Y, X, 4), light (owners, channels, K_light,
+        light quads, N, N, 4) or None for occlusion, view (owners, K_view, view quads, N, N, 4), and
+        the indices (K, N, N). Float32 and uint32 in C order are not copied, and are to stay as they
+        are."""
+
+    def patch(
+        self, light: ArrayLike | None, view: ArrayLike, *, threads: int = 0
+    ) -> NDArray[np.float32]:
+        """Values (light, view, Y, X, channel) at texel centres for unit directions (n, 3) in the
+        tangent frame, clamped at 0, and 0 for lights below the horizon; of occlusion, for light
+        None, (view, Y, X) as they are."""
+
+    def points(
+        self, light: ArrayLike, view: ArrayLike, uv: ArrayLike, *, threads: int = 0
+    ) -> NDArray[np.float32]:
+        """Values (n, channel) at n points: directions (n, 3) as above, and texture coordinates
+        (n, 2) that repeat with the patch; bilinear between texels."""
