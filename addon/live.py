@@ -13,7 +13,14 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import wheels
-from .nodes.light_set import bring_up_to_date, light_set, light_sets, owner_of
+from .nodes.light_set import (
+    Owner,
+    bring_up_to_date,
+    has_shadows,
+    light_set,
+    light_sets,
+    owner_of,
+)
 
 # Modules that need the compiled packages are imported where there is something to show: the
 # extension must come up without them, to say so.
@@ -33,19 +40,24 @@ def follow_lights(scene: bpy.types.Scene) -> bool:
     from .nodes.model_group import lights_of, show_lights
 
     changed = [tree for tree in sets if owner_of(tree) is not None and bring_up_to_date(tree)]
-    stray = [tree for tree in sets if owner_of(tree) is None or tree != light_set(owner_of(tree))]
+    stray = [tree for tree in sets if tree != _own(tree, owner_of(tree))]
     if not changed and not stray:
         return False
     for material in nacre_materials():
         for group in groups_of(material):
             lights = lights_of(group)
             if lights in stray:
-                show_lights(group, light_set(owner_of(lights) or scene))
+                show_lights(group, _own(lights, owner_of(lights) or scene))
             elif lights in changed:
                 show_lights(group, lights)
     for tree in stray:
         bpy.data.node_groups.remove(tree)
     return True
+
+
+def _own(tree: bpy.types.ShaderNodeTree, owner: Owner | None) -> bpy.types.ShaderNodeTree | None:
+    """The light set of its kind that an owner has."""
+    return None if owner is None else light_set(owner, has_shadows(tree))
 
 
 def materials_showing(path: str | Path) -> list[bpy.types.Material]:

@@ -216,9 +216,10 @@ def swap_final(material: bpy.types.Material) -> None:
         final.node_tree, shown.node_tree = shown.node_tree, final.node_tree
 
 
-def set_lights(material: bpy.types.Material, owner: Owner) -> None:
-    """Light a Nacre material by the lights that a scene or collection has now."""
-    lights = light_set(owner)
+def set_lights(material: bpy.types.Material, owner: Owner, shadows: bool = False) -> None:
+    """Light a Nacre material by the lights that a scene or collection has now; in EEVEE with their
+    shadows, if wanted."""
+    lights = light_set(owner, shadows)
     bring_up_to_date(lights)
     for group in groups_of(material):
         show_lights(group, lights)
