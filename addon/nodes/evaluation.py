@@ -12,11 +12,12 @@ from collections.abc import Sequence
 import bpy
 
 from .atlas import Atlas
+from .footprint import level_group
 from .graph import Graph, Operand, Wire
 from .lookups import look_up, parabolic
 from .loops import choose, repeat
-from .packed_tables import PackedTables
-from .texel_group import contract_view, taps
+from .packed_tables import PackedTables, Shapes
+from .texel_group import Level, contract_view, taps
 
 
 class Evaluation:
@@ -35,7 +36,8 @@ class Evaluation:
         anew."""
         self.packed, self.texel_group = packed, texel_group
         shapes = packed.shapes
-        self.around = taps(g, uv, shapes.height, shapes.width, coordinates)
+        level = _level(g, uv, shapes) if shapes.levels else None
+        self.around = taps(g, uv, shapes.height, shapes.width, coordinates, level)
         place = parabolic(g, view, shapes.size)
         self.view_place = place
         first = -(-shapes.light_mixtures // 4)  # in the index, lights come first
@@ -104,3 +106,11 @@ class Evaluation:
                     for row, factor in zip(rows, vector[4 * quad :], strict=False):
                         sums[channel] = g.math("MULTIPLY_ADD", row, factor, sums[channel])
         return sums
+
+
+def _level(g: Graph, uv: Wire, shapes: Shapes) -> Level:
+    """The level of the core for a pixel's footprint."""
+    texels = g.operate("MULTIPLY", uv, (float(shapes.width), float(shapes.height), 0.0))
+    level = g.wire(g.node("ShaderNodeGroup", texels, node_tree=level_group()))
+    whole = g.math("FLOOR", level + 0.5)
+    return Level(g, g.math("MINIMUM", g.math("MAXIMUM", whole, 0.0), float(shapes.levels)))

@@ -13,7 +13,7 @@ from addon import jobs
 from addon.errors import Cancelled
 from addon.nodes.coordinates import stored_coordinates
 from addon.nodes.kept_world import kept_world
-from addon.nodes.light_set import count_of, light_set
+from addon.nodes.light_set import count_of, has_shadows, light_set
 from addon.nodes.material import FINAL_NODE, group_of, groups_of
 from addon.nodes.model_group import lights_of
 from addon.nodes.packed_environment import stored_environment
@@ -287,7 +287,10 @@ def test_lights_of_a_collection_take_over(scene, model):
     assert bpy.ops.nacre.create_material() == {"FINISHED"}
     material = bpy.data.materials["wool"]
     assert followed(material) == {spot}
+    material.nacre.shadows = True
+    assert followed(material) == {spot} and has_shadows(lights_of(group_of(material)))
     material.nacre.lights = None
+    assert has_shadows(lights_of(group_of(material)))
     assert followed(material) == set(scene.objects)
 
 
