@@ -36,7 +36,7 @@ class Evaluation:
         anew."""
         self.packed, self.texel_group = packed, texel_group
         shapes = packed.shapes
-        level = _level(g, uv, shapes) if shapes.levels else None
+        level = choose_level(g, uv, shapes) if shapes.levels else None
         self.around = taps(g, uv, shapes.height, shapes.width, coordinates, level)
         place = parabolic(g, view, shapes.size)
         self.view_place = place
@@ -108,7 +108,7 @@ class Evaluation:
         return sums
 
 
-def _level(g: Graph, uv: Wire, shapes: Shapes) -> Level:
+def choose_level(g: Graph, uv: Wire, shapes: Shapes) -> Level:
     """The level of the core for a pixel's footprint."""
     texels = g.operate("MULTIPLY", uv, (float(shapes.width), float(shapes.height), 0.0))
     level = g.wire(g.node("ShaderNodeGroup", texels, node_tree=level_group()))
