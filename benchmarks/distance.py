@@ -7,15 +7,17 @@ the camera comes 2 % nearer. The truth is the finest level with 8 x 8 pixels for
 the RMS difference from the truth over its mean, with one sample (a moving viewport) and with 16;
 "flicker" that of the change from the first picture to the second, with one sample.
 
-"Nearest" reads the level next to the footprint's, "dithered" one of two at random, new with each
-sample. Then frames beside those of the finest level alone. K-CTA models of medium quality.
-out/bench/distance_NAME.png: finest level, nearest level, truth.
+"Pixel" reads the level whose texels are about as large as the longer side of a pixel's footprint,
+"half" and "quarter" those of half and a quarter as large. Then frames beside those of the finest
+level alone. K-CTA models of medium quality. out/bench/distance_NAME.png: with one sample the finest
+level, "pixel" and "half", and the truth.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 
 import bpy
 import numpy as np
@@ -23,7 +25,6 @@ from numpy.typing import NDArray
 
 from addon.models.fit import compress, quality_settings
 from addon.nodes import evaluation
-from addon.nodes.footprint import level_group
 from addon.nodes.graph import Graph, Wire
 from addon.nodes.material import material_from_tables, set_lights
 from addon.nodes.packed_tables import Shapes
@@ -51,18 +52,11 @@ def finest(g: Graph, _uv: Wire, _shapes: Shapes) -> Level:
     return Level(g, g.wire(g.node("ShaderNodeValue")))
 
 
-def dithered(g: Graph, uv: Wire, shapes: Shapes) -> Level:
-    texels = g.operate("MULTIPLY", uv, (float(shapes.width), float(shapes.height), 0.0))
-    level = g.wire(g.node("ShaderNodeGroup", texels, node_tree=level_group()))
-    noise = g.node("ShaderNodeTexWhiteNoise", texels * 16.0, noise_dimensions="3D")
-    whole = g.math("FLOOR", level + g.wire(noise, "Value"))
-    return Level(g, g.math("MINIMUM", g.math("MAXIMUM", whole, 0.0), float(shapes.levels)))
-
-
 CHOOSERS: dict[str, Chooser] = {
     "finest": finest,
-    "nearest": evaluation.choose_level,
-    "dithered": dithered,
+    "pixel": partial(evaluation.choose_level, finer=0.0),
+    "half": partial(evaluation.choose_level, finer=1.0),
+    "quarter": partial(evaluation.choose_level, finer=2.0),
 }
 
 
@@ -87,7 +81,7 @@ def row(tables: Tables, footprint: float, name: str) -> list[str]:
         many = pair(tables, key, footprint, 16, count=1)
         cells["many"].append(difference(many[0], truths[0], truths[0]))
     if footprint == 3.0:
-        write_png(np.concatenate([*shown[:2], truths[0]], 1), OUT / f"distance_{name}.png")
+        write_png(np.concatenate([*shown[:3], truths[0]], 1), OUT / f"distance_{name}.png")
     return [f"{footprint:g} texels a pixel", *(cell for part in cells.values() for cell in part)]
 
 

@@ -19,6 +19,10 @@ from .loops import choose, repeat
 from .packed_tables import PackedTables, Shapes
 from .texel_group import Level, contract_view, taps
 
+FINER = 1.0
+"""Levels below the one whose texel is as large as a pixel's longer side: EEVEE and Cycles take many
+samples of a pixel, which do the rest (benchmarks.distance)."""
+
 
 class Evaluation:
     """What all lights share at a point seen from a direction, and then any number of lights."""
@@ -108,9 +112,9 @@ class Evaluation:
         return sums
 
 
-def choose_level(g: Graph, uv: Wire, shapes: Shapes) -> Level:
-    """The level of the core for a pixel's footprint."""
+def choose_level(g: Graph, uv: Wire, shapes: Shapes, finer: float = FINER) -> Level:
+    """The level of the core nearest to `finer` levels below that of a pixel's footprint."""
     texels = g.operate("MULTIPLY", uv, (float(shapes.width), float(shapes.height), 0.0))
     level = g.wire(g.node("ShaderNodeGroup", texels, node_tree=level_group()))
-    whole = g.math("FLOOR", level + 0.5)
+    whole = g.math("FLOOR", level + (0.5 - finer))
     return Level(g, g.math("MINIMUM", g.math("MAXIMUM", whole, 0.0), float(shapes.levels)))
