@@ -16,8 +16,8 @@ from .light_group import drive, property_of
 
 NAME = "Nacre Visibility"
 ROUGHNESS = 0.2
-"""Of the lobe: lights 20 degrees apart leave 1/500 of theirs in each other's, and a sun of half a
-degree takes 1/100 from its peak, which the group accounts for."""
+"""Of the lobe: lights 20 degrees apart leave 1/400 of theirs in each other's; a sun of one degree
+takes 1/75 from its peak, which the group accounts for."""
 
 _GAIN = 1.01  # EEVEE's fit of the lobe is up to 1 % below GGX; what is lit shall read 1
 _SOCKETS = (
