@@ -13,7 +13,15 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import wheels
-from .nodes.light_set import bring_up_to_date, light_set, light_sets, owner_named, owner_of
+from .nodes.light_set import (
+    Owner,
+    bring_up_to_date,
+    has_shadows,
+    light_set,
+    light_set_named,
+    light_sets,
+    owner_of,
+)
 
 # Modules that need the compiled packages are imported where there is something to show: the
 # extension must come up without them, to say so.
@@ -37,15 +45,15 @@ def follow_lights(scene: bpy.types.Scene) -> bool:
     if not sets and not parted:
         return False
     changed = [tree for tree in sets if owner_of(tree) is not None and bring_up_to_date(tree)]
-    stray = [tree for tree in sets if owner_of(tree) is None or tree != light_set(owner_of(tree))]
+    stray = [tree for tree in sets if tree != _own(tree, owner_of(tree))]
     if not changed and not stray and not parted:
         return False
     for group in groups:
         lights = lights_of(group)
         if group in parted:
-            show_lights(group, light_set(owner_named(parted_from(group)) or scene))
+            show_lights(group, light_set_named(parted_from(group), scene))
         elif lights in stray:
-            show_lights(group, light_set(owner_of(lights) or scene))
+            show_lights(group, _own(lights, owner_of(lights) or scene))
         elif lights in changed:
             show_lights(group, lights)
     for tree in stray:
@@ -70,6 +78,11 @@ def part_from_lights() -> None:
             model_group.part_from_lights(group)
     for tree in sets:
         tree.animation_data_clear()
+
+
+def _own(tree: bpy.types.ShaderNodeTree, owner: Owner | None) -> bpy.types.ShaderNodeTree | None:
+    """The light set of its kind that an owner has."""
+    return None if owner is None else light_set(owner, has_shadows(tree))
 
 
 def materials_showing(path: str | Path) -> list[bpy.types.Material]:

@@ -2,6 +2,7 @@
 
 import bpy
 from bpy.props import (
+    BoolProperty,
     EnumProperty,
     FloatProperty,
     FloatVectorProperty,
@@ -142,7 +143,7 @@ def _lights_set(self: "NACRE_PG_material", context: bpy.types.Context) -> None:
     from .nodes.material import is_nacre_material, set_lights
 
     if is_nacre_material(self.id_data):
-        set_lights(self.id_data, self.lights or context.scene)
+        set_lights(self.id_data, self.lights or context.scene, self.shadows)
 
 
 class NACRE_PG_material(bpy.types.PropertyGroup):
@@ -153,6 +154,14 @@ class NACRE_PG_material(bpy.types.PropertyGroup):
         description="Suns, points, spots and areas of this collection light this material, "
         "followed live; if empty, those of the scene",
         type=bpy.types.Collection,
+        update=_lights_set,
+    )
+    shadows: BoolProperty(
+        name="Receive Shadows",
+        description="In EEVEE, take from the scene how much of each light arrives: shadows of all "
+        "objects, light linking, and where a light ends. Costs more with each light. Cycles cannot "
+        "do this, and shows all lights without shadows",
+        default=False,
         update=_lights_set,
     )
     patch_size: FloatVectorProperty(

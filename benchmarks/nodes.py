@@ -21,6 +21,7 @@ import numpy as np
 from addon.live import follow_lights, follow_worlds
 from addon.nodes.atlas import make_image
 from addon.nodes.graph import Graph
+from addon.nodes.kept_world import KeptWorld
 from addon.nodes.material import group_of, material_from_tables, set_environment, set_lights
 from addon.nodes.packed_tables import ATLASES, stored
 from addon.render.engines import engine_id, set_engine
@@ -79,7 +80,9 @@ def moves(tables: Tables, material: bpy.types.Material) -> None:
         mapping = turning_world(scene)
         radiance = np.random.default_rng(1).random((32, 64, 3))
         environment = build_environment(light_lobes(tables), radiance)
-        set_environment(material, [environment], scene.world.name, mapping.name)
+        set_environment(
+            material, [environment], KeptWorld(radiance, scene.world.name, mapping.name)
+        )
         layer = scene.view_layers[0]
         sun = next(item for item in scene.objects if item.type == "LIGHT")
         layer.update()

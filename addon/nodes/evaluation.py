@@ -12,11 +12,16 @@ from collections.abc import Sequence
 import bpy
 
 from .atlas import Atlas
+from .footprint import level_group
 from .graph import Graph, Operand, Wire
 from .lookups import look_up, parabolic
 from .loops import choose, repeat
-from .packed_tables import PackedTables
-from .texel_group import contract_view, taps
+from .packed_tables import PackedTables, Shapes
+from .texel_group import Level, contract_view, taps
+
+FINER = 1.0
+"""Levels below the one whose texel is as large as a pixel's longer side: EEVEE and Cycles take many
+samples of a pixel, which do the rest (benchmarks.distance)."""
 
 
 class Evaluation:
@@ -35,7 +40,8 @@ class Evaluation:
         anew."""
         self.packed, self.texel_group = packed, texel_group
         shapes = packed.shapes
-        self.around = taps(g, uv, shapes.height, shapes.width, coordinates)
+        level = choose_level(g, uv, shapes) if shapes.levels else None
+        self.around = taps(g, uv, shapes.height, shapes.width, coordinates, level)
         place = parabolic(g, view, shapes.size)
         self.view_place = place
         first = -(-shapes.light_mixtures // 4)  # in the index, lights come first
@@ -104,3 +110,11 @@ class Evaluation:
                     for row, factor in zip(rows, vector[4 * quad :], strict=False):
                         sums[channel] = g.math("MULTIPLY_ADD", row, factor, sums[channel])
         return sums
+
+
+def choose_level(g: Graph, uv: Wire, shapes: Shapes, finer: float = FINER) -> Level:
+    """The level of the core nearest to `finer` levels below that of a pixel's footprint."""
+    texels = g.operate("MULTIPLY", uv, (float(shapes.width), float(shapes.height), 0.0))
+    level = g.wire(g.node("ShaderNodeGroup", texels, node_tree=level_group()))
+    whole = g.math("FLOOR", level + (0.5 - finer))
+    return Level(g, g.math("MINIMUM", g.math("MAXIMUM", whole, 0.0), float(shapes.levels)))

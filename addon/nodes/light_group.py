@@ -29,9 +29,10 @@ AREA_SAMPLES = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
 
 
 def light_group() -> bpy.types.ShaderNodeTree:
-    """The group, made at first use: a light's properties -> Direction (world), Radiance.
+    """The group, made at first use: a light's properties -> Direction (world), Radiance, Distance.
 
-    Radiance is that of a white perfect diffuser lit head-on at the shading point.
+    Radiance is that of a white perfect diffuser lit head-on at the shading point; suns are at a
+    distance of 1.
     """
     if NAME in bpy.data.node_groups:
         return bpy.data.node_groups[NAME]
@@ -41,6 +42,7 @@ def light_group() -> bpy.types.ShaderNodeTree:
         socket.default_value, socket.description = value, tip
     tree.interface.new_socket("Direction", in_out="OUTPUT", socket_type="NodeSocketVector")
     tree.interface.new_socket("Radiance", in_out="OUTPUT", socket_type="NodeSocketColor")
+    tree.interface.new_socket("Distance", in_out="OUTPUT", socket_type="NodeSocketFloat")
 
     g = Graph(tree)
     inputs = g.node("NodeGroupInput")
@@ -71,7 +73,8 @@ def light_group() -> bpy.types.ShaderNodeTree:
     share = g.math("MAXIMUM", g.dot(direction, axis), 0.0) * (4.0 / len(AREA_SAMPLES))
     flat = (share - 1.0) * is_area + 1.0
     radiance = colour * ((sun + other) * inside * flat * strength)
-    g.node("NodeGroupOutput", direction, radiance)
+    distance = (g.math("SQRT", square) - 1.0) * g.operate("SUBTRACT", 1.0, is_sun) + 1.0
+    g.node("NodeGroupOutput", direction, radiance, distance)
     return tree
 
 
@@ -97,39 +100,40 @@ def drive_light(
 ) -> None:
     """Drive a new light group node's inputs from a light object, or from one sample of an area."""
     inputs = node.inputs
-    _drive(inputs["Kind"], -1, "v", v=_property(light, "data.type"))
+    drive(inputs["Kind"], -1, "v", v=property_of(light, "data.type"))
     for index, axis in enumerate("XYZ"):
-        _drive(inputs["Location"], index, "v", v=_transform(light, f"LOC_{axis}"))
-        _drive(inputs["Rotation"], index, "v", v=_transform(light, f"ROT_{axis}"))
-        _drive(
+        drive(inputs["Location"], index, "v", v=_transform(light, f"LOC_{axis}"))
+        drive(inputs["Rotation"], index, "v", v=_transform(light, f"ROT_{axis}"))
+        drive(
             inputs["Colour"],
             index,
             "c * (1 + u * (t - 1))",
-            c=_property(light, f"data.color[{index}]"),
-            u=_property(light, "data.use_temperature"),
-            t=_property(light, f"data.temperature_color[{index}]"),
+            c=property_of(light, f"data.color[{index}]"),
+            u=property_of(light, "data.use_temperature"),
+            t=property_of(light, f"data.temperature_color[{index}]"),
         )
-    _drive(inputs["Rotation W"], -1, "v", v=_transform(light, "ROT_W"))
-    _drive(
+    drive(inputs["Rotation W"], -1, "v", v=_transform(light, "ROT_W"))
+    drive(
         inputs["Strength"],
         -1,
         "e * pow(2, x)",
-        e=_property(light, "data.energy"),
-        x=_property(light, "data.exposure"),
+        e=property_of(light, "data.energy"),
+        x=property_of(light, "data.exposure"),
     )
     for label, path in (("Spot Size", "data.spot_size"), ("Spot Blend", "data.spot_blend")):
-        _drive(inputs[label], -1, "v", v=_property(light, path))
+        drive(inputs[label], -1, "v", v=property_of(light, path))
     if any(sample):
         width, height, shape = (
-            _property(light, f"data.{name}") for name in ("size", "size_y", "shape")
+            property_of(light, f"data.{name}") for name in ("size", "size_y", "shape")
         )
-        _drive(inputs["Offset"], 0, f"{sample[0]} * x", x=width)
+        drive(inputs["Offset"], 0, f"{sample[0]} * x", x=width)
         # Rectangles (1) and ellipses (5) have a height of their own.
         height_of = f"{sample[1]} * (y if k == 1 or k == 5 else x)"
-        _drive(inputs["Offset"], 1, height_of, x=width, y=height, k=shape)
+        drive(inputs["Offset"], 1, height_of, x=width, y=height, k=shape)
 
 
-def _property(light: bpy.types.Object, path: str) -> dict[str, object]:
+def property_of(light: bpy.types.Object, path: str) -> dict[str, object]:
+    """A property as a driver's variable, 0 where this kind of light lacks it."""
     # Only a spot has the cone's properties, and a light may become one later.
     return {"id": light, "data_path": path, "use_fallback_value": True, "fallback_value": 0.0}
 
@@ -143,7 +147,7 @@ def _transform(light: bpy.types.Object, channel: str) -> dict[str, object]:
     }
 
 
-def _drive(
+def drive(
     socket: bpy.types.NodeSocket, index: int, expression: str, **variables: dict[str, object]
 ) -> None:
     """One driver on a socket's value; the expression must be of the simple kind, which needs no

@@ -1,6 +1,7 @@
 """The lights of a scene or of a collection as one node group that materials share.
 
-    Nacre Lights OWNER   -> Direction 1, Radiance 1, Direction 2, ...
+    Nacre Lights OWNER            -> Direction 1, Radiance 1, Direction 2, ...
+    Nacre Lights OWNER Shadowed   the same, where EEVEE dims each light as it reaches the point
 
 Drivers keep each light in step (light_group); `bring_up_to_date` follows lights that come and go.
 """
@@ -13,21 +14,33 @@ import bpy
 
 from .graph import Graph, Wire
 from .light_group import KINDS, drive_light, light_group, samples_of
+from .visibility_group import drive_visibility, visibility_group
 
 _OWNER = "nacre_lights_of"  # a name, since a pointer would bring the scene along into other files
+_SHADOWS = "nacre_shadows"
+_SHADOWED = "shadowed/"
+_LIGHT = "Light"
+_OUTPUTS = ("Direction", "Radiance", "Distance")
 
 Owner = bpy.types.Scene | bpy.types.Collection
 
 
-def light_set(owner: Owner) -> bpy.types.ShaderNodeTree:
-    """The group of a scene's or collection's lights, made at first use."""
+def light_set(owner: Owner, shadows: bool = False) -> bpy.types.ShaderNodeTree:
+    """The group of a scene's or collection's lights, made at first use; with the shadows that EEVEE
+    sees, or without (visibility_group)."""
     for tree in light_sets():
-        if tree[_OWNER] == _key(owner):
+        if tree[_OWNER] == _key(owner) and has_shadows(tree) == shadows:
             return tree
-    tree = bpy.data.node_groups.new(f"Nacre Lights {owner.name}", "ShaderNodeTree")
-    tree[_OWNER] = _key(owner)
+    name = f"Nacre Lights {owner.name}{' Shadowed' if shadows else ''}"
+    tree = bpy.data.node_groups.new(name, "ShaderNodeTree")
+    tree[_OWNER], tree[_SHADOWS] = _key(owner), shadows
     _write(tree, shining(owner))
     return tree
+
+
+def has_shadows(tree: bpy.types.ShaderNodeTree) -> bool:
+    """Whether a group's radiances have shadows in EEVEE."""
+    return bool(tree.get(_SHADOWS))
 
 
 def light_sets() -> list[bpy.types.ShaderNodeTree]:
@@ -44,17 +57,22 @@ def forget(owner: Owner) -> None:
 
 def owner_of(tree: bpy.types.ShaderNodeTree) -> Owner | None:
     """Whose lights a group has; None when that is gone or has another name."""
-    return owner_named(key_of(tree))
+    return _owner_named(tree[_OWNER])
 
 
 def key_of(tree: bpy.types.ShaderNodeTree) -> str:
-    """What names the owner of a group's lights."""
-    return tree[_OWNER]
+    """What names a group of lights, for `light_set_named`."""
+    return f"{_SHADOWED if has_shadows(tree) else ''}{tree[_OWNER]}"
 
 
-def owner_named(key: str) -> Owner | None:
-    """The owner of this name, or None when there is none."""
-    kind, name = key.split("/", 1)
+def light_set_named(key: str, otherwise: Owner) -> bpy.types.ShaderNodeTree:
+    """The group of this key, with the lights of another owner when its own is not there."""
+    owner = _owner_named(key.removeprefix(_SHADOWED))
+    return light_set(owner or otherwise, key.startswith(_SHADOWED))
+
+
+def _owner_named(name: str) -> Owner | None:
+    kind, name = name.split("/", 1)
     return getattr(bpy.data, kind).get(name)
 
 
@@ -105,7 +123,7 @@ def _followed(tree: bpy.types.ShaderNodeTree) -> list[bpy.types.Object | None]:
         for curve in curves
         if curve.data_path.endswith("inputs[0].default_value")
     }
-    nodes = [node for node in tree.nodes if node.type == "GROUP"]
+    nodes = [node for node in tree.nodes if node.name.startswith(_LIGHT)]
     return [kinds.get(f'nodes["{node.name}"].inputs[0].default_value') for node in nodes]
 
 
@@ -116,14 +134,40 @@ def _write(tree: bpy.types.ShaderNodeTree, lights: Sequence[bpy.types.Object]) -
     g = Graph(tree)
     outputs: list[Wire] = []
     for light in lights:
+        found = []
         for sample in samples_of(light):
-            number = len(outputs) // 2 + 1
-            for label, kind in (("Direction", "Vector"), ("Radiance", "Color")):
-                tree.interface.new_socket(
-                    f"{label} {number}", in_out="OUTPUT", socket_type=f"NodeSocket{kind}"
-                )
             node = g.node("ShaderNodeGroup", node_tree=light_group())
-            node.label = light.name
+            node.name, node.label = _LIGHT, light.name
             drive_light(node, light, sample)
-            outputs += [g.wire(node, "Direction"), g.wire(node, "Radiance")]
+            found.append([g.wire(node, label) for label in _OUTPUTS])
+        directions, radiances, distances = zip(*found, strict=True)
+        if has_shadows(tree):
+            visible = _visibility(g, light, directions, radiances, distances[0])
+            radiances = [radiance * visible for radiance in radiances]
+        for direction, radiance in zip(directions, radiances, strict=True):
+            outputs += [direction, radiance]
+    for number in range(1, len(outputs) // 2 + 1):
+        for label, kind in (("Direction", "Vector"), ("Radiance", "Color")):
+            tree.interface.new_socket(
+                f"{label} {number}", in_out="OUTPUT", socket_type=f"NodeSocket{kind}"
+            )
     g.node("NodeGroupOutput", *outputs)
+
+
+def _visibility(
+    g: Graph,
+    light: bpy.types.Object,
+    directions: Sequence[Wire],
+    radiances: Sequence[Wire],
+    distance: Wire,
+) -> Wire:
+    """How much of a light arrives: asked once, for the middle of its samples."""
+    middle, total = directions[0], radiances[0]
+    for direction, radiance in zip(directions[1:], radiances[1:], strict=True):
+        middle, total = middle + direction, total + radiance
+    if len(directions) > 1:
+        middle = g.normalize(middle)
+    node = g.node("ShaderNodeGroup", middle, total, distance, node_tree=visibility_group())
+    node.label = f"{light.name} Visibility"
+    drive_visibility(node, light)
+    return g.wire(node)

@@ -15,6 +15,7 @@ from .coordinates import make_coordinates, stored_coordinates
 from .coverage_group import lay_coverage, make_coverage_group, remove_coverage_group
 from .frame_group import frame_group
 from .graph import Graph, Wire
+from .kept_world import KeptWorld, keep_world, kept_world
 from .light_set import Owner, bring_up_to_date, light_set
 from .model_group import (
     lights_of,
@@ -25,7 +26,7 @@ from .model_group import (
     show_lights,
     show_tables,
 )
-from .packed_tables import is_packed, pack
+from .packed_tables import is_packed, pack, stored
 
 MODEL_NODE = "Nacre Model"
 COVERAGE_NODE = "Nacre Coverage"
@@ -73,10 +74,31 @@ def set_repeat(material: bpy.types.Material, across: float, up: float) -> None:
     material.node_tree.nodes["Repeat"].inputs[1].default_value = across, up, 1.0
 
 
-def set_tables(material: bpy.types.Material, tables: Tables) -> None:
-    """Show other tables in place: what is linked to the material's nodes stays."""
+def set_tables(
+    material: bpy.types.Material, tables: Tables, environment: EnvironmentTable | None = None
+) -> None:
+    """Show other tables in place: what is linked to the material's nodes stays, and so does a map
+    of coordinates if there are as many texels. `environment` is `environment_for` these tables."""
     group = group_of(material)
+    if stored_coordinates(group) is not None and not _same_texels(group, tables):
+        set_coordinates(material, None)
     show_tables(group, pack(group.name, tables), lights_of(group))
+    _light_by_kept_world(material, group, environment)
+
+
+def _same_texels(group: bpy.types.ShaderNodeTree, tables: Tables) -> bool:
+    shapes = stored(group).shapes
+    return (shapes.height, shapes.width) == tables.core.shape[4:6]
+
+
+def _light_by_kept_world(
+    material: bpy.types.Material,
+    group: bpy.types.ShaderNodeTree,
+    environment: EnvironmentTable | None,
+) -> None:
+    kept = kept_world(material.node_tree)
+    if kept is not None:
+        show_environment(group, environment, kept.world, kept.mapping)
 
 
 def set_coverage(
@@ -118,10 +140,18 @@ def set_coverage(
 
 def set_coordinates(material: bpy.types.Material, coordinates: NDArray[np.integer] | None) -> None:
     """Lay a material by a map of its patch's texels (H, W, 2), row and column, that hides that it
-    repeats (tables.coordinate_map); None repeats the patch. Final models must have as many texels.
+    repeats (tables.coordinate_map); None repeats the patch. A final model with another number of
+    texels repeats.
     """
-    groups = groups_of(material)
-    before = stored_coordinates(groups[0])
+    shown = group_of(material)
+    shapes = stored(shown).shapes
+    groups = [
+        group
+        for group in groups_of(material)
+        if (stored(group).shapes.height, stored(group).shapes.width)
+        == (shapes.height, shapes.width)
+    ]
+    before = stored_coordinates(shown)
     image = None
     if coordinates is not None:
         image = make_coordinates(f"Nacre {material.name} Coordinates", coordinates)
@@ -135,21 +165,26 @@ def set_coordinates(material: bpy.types.Material, coordinates: NDArray[np.intege
 
 
 def set_environment(
-    material: bpy.types.Material,
-    tables: Sequence[EnvironmentTable | None],
-    world: str = "",
-    mapping: str = "",
+    material: bpy.types.Material, tables: Sequence[EnvironmentTable], kept: KeptWorld | None
 ) -> None:
-    """Light a material by a world, too: a table for each of `groups_of` it, or None for none. The
-    node `mapping` of the world turns it."""
-    for group, table in zip(groups_of(material), tables, strict=True):
-        show_environment(group, table, world, mapping)
+    """Light a material by a world, too: a table for each of `groups_of` it (`environment_for`).
+    None for no world. The material keeps the world for tables that are set later."""
+    keep_world(material.node_tree, kept)
+    for number, group in enumerate(groups_of(material)):
+        if kept is None:
+            show_environment(group, None, "", "")
+        else:
+            show_environment(group, tables[number], kept.world, kept.mapping)
 
 
-def set_final_tables(material: bpy.types.Material, tables: Tables | None) -> None:
+def set_final_tables(
+    material: bpy.types.Material,
+    tables: Tables | None,
+    environment: EnvironmentTable | None = None,
+) -> None:
     """Tables that take the place of others while a final render runs; None for the same ones.
 
-    They wait in a node without links.
+    They wait in a node without links. `environment` is as in set_tables.
     """
     nodes = material.node_tree.nodes
     node = nodes.get(FINAL_NODE)
@@ -157,14 +192,20 @@ def set_final_tables(material: bpy.types.Material, tables: Tables | None) -> Non
         if node is not None:
             remove_model_group(node.node_tree)
             nodes.remove(node)
-    elif node is not None:
+        return
+    shown = group_of(material)
+    if node is not None:
         show_tables(node.node_tree, pack(node.node_tree.name, tables), lights_of(node.node_tree))
     else:
-        name = f"{group_of(material).name} Final"
+        name = f"{shown.name} Final"
         node = nodes.new("ShaderNodeGroup")
-        node.node_tree = make_model_group(name, pack(name, tables), lights_of(group_of(material)))
+        node.node_tree = make_model_group(name, pack(name, tables), lights_of(shown))
         node.name = node.label = FINAL_NODE
         node.location = nodes[MODEL_NODE].location - Vector((0.0, 300.0))
+    laid = stored_coordinates(shown) if _same_texels(shown, tables) else None
+    if laid != stored_coordinates(node.node_tree):
+        show_coordinates(node.node_tree, laid)
+    _light_by_kept_world(material, node.node_tree, environment)
 
 
 def swap_final(material: bpy.types.Material) -> None:
@@ -175,9 +216,10 @@ def swap_final(material: bpy.types.Material) -> None:
         final.node_tree, shown.node_tree = shown.node_tree, final.node_tree
 
 
-def set_lights(material: bpy.types.Material, owner: Owner) -> None:
-    """Light a Nacre material by the lights that a scene or collection has now."""
-    lights = light_set(owner)
+def set_lights(material: bpy.types.Material, owner: Owner, shadows: bool = False) -> None:
+    """Light a Nacre material by the lights that a scene or collection has now; in EEVEE with their
+    shadows, if wanted."""
+    lights = light_set(owner, shadows)
     bring_up_to_date(lights)
     for group in groups_of(material):
         show_lights(group, lights)

@@ -151,7 +151,7 @@ def part_from_lights(tree: bpy.types.ShaderNodeTree) -> None:
 
 
 def parted_from(tree: bpy.types.ShaderNodeTree) -> str | None:
-    """What names the owner of the lights that a group was parted from."""
+    """What names the light set that a group was parted from."""
     return tree.get(_PARTED)
 
 

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass
 import bpy
 import numpy as np
 
+from ..tables.levels import count_beside, levels_beside
 from ..tables.tables import Tables
 from .atlas import Atlas, cut_out, make_atlas
 
@@ -35,6 +36,12 @@ class Shapes:
     height: int
     width: int
     size: int
+    levels: int = 0  # halved copies beside the core
+
+    @property
+    def tile(self) -> tuple[int, int]:
+        """Height and width of the core's tiles, levels included."""
+        return self.height, self.width + (self.width // 2 if self.levels else 0)
 
     @property
     def reduced_once(self) -> bool:
@@ -66,7 +73,9 @@ def pack(name: str, tables: Tables) -> PackedTables:
     """
     size = tables.size
     blocks = {
-        "core": tables.core.reshape(*tables.core.shape[:2], -1, *tables.core.shape[4:]),
+        "core": levels_beside(
+            tables.core.reshape(*tables.core.shape[:2], -1, *tables.core.shape[4:])
+        ),
         "view": tables.view.reshape(len(tables.view), 1, -1, size, size, 4),
         "index": _indices(tables)[None, None],
     }
@@ -126,7 +135,7 @@ def unpack(packed: PackedTables) -> Tables:
     """The tables that were packed."""
     shapes, size = packed.shapes, packed.shapes.size
     tiles = shapes.light_rank * shapes.view_quads
-    core = cut_out(packed.core, tiles, shapes.height, shapes.width)
+    core = cut_out(packed.core, tiles, *shapes.tile)[..., : shapes.width, :]
     light = None
     if packed.light is not None:
         light = cut_out(packed.light, shapes.channels * shapes.light_quads, size, size)
@@ -185,6 +194,7 @@ def _shapes(tables: Tables) -> Shapes:
         height=height,
         width=width,
         size=tables.size,
+        levels=count_beside(height, width),
     )
 
 

@@ -8,44 +8,86 @@ from dataclasses import dataclass
 import bpy
 
 from .atlas import Atlas
-from .graph import Graph, Wire
+from .graph import Graph, Operand, Wire
 from .lookups import Lookup
 from .packed_tables import PackedTables
 
 
 @dataclass(frozen=True)
 class Tap:
-    """One of the four texels round a point: texel numbers and bilinear weight."""
+    """One of the four texels round a point: its place in a tile of the core, in texels from the
+    tile's corner, and its bilinear weight."""
 
     x: Wire
     y: Wire
     weight: Wire
 
 
+class Level:
+    """A level of the core, chosen in the shader: as a size, and as a place beside the finest one
+    (tables.levels.levels_beside)."""
+
+    def __init__(self, g: Graph, number: Wire) -> None:
+        self.g = g
+        self.scale = g.math("POWER", 2.0, number * -1.0)
+
+    def size(self, finest: int) -> Wire:
+        return self.g.math("FLOOR", self.whole(self.scale * float(finest)))
+
+    def origin(self, height: int, width: int) -> tuple[Wire, Wire]:
+        row = self.g.math("MULTIPLY_ADD", self.scale, -2.0 * height, float(height))
+        across = self.g.math("LESS_THAN", self.scale, 0.75) * float(width)
+        return across, self.g.math("MAXIMUM", self.g.math("FLOOR", self.whole(row)), 0.0)
+
+    def texel(self, finest: Wire, size: Wire) -> Wire:
+        """The texel that has a texel of the finest level in it."""
+        return self.g.math("MINIMUM", self.g.math("FLOOR", (finest + 0.5) * self.scale), size - 1.0)
+
+    def whole(self, value: Wire) -> Wire:
+        """A number that may be a whole one, safe from rounding down."""
+        return value + 1e-3
+
+
 def taps(
-    g: Graph, uv: Wire, height: int, width: int, coordinates: bpy.types.Image | None = None
+    g: Graph,
+    uv: Wire,
+    height: int,
+    width: int,
+    coordinates: bpy.types.Image | None = None,
+    level: Level | None = None,
 ) -> list[Tap]:
     """The four texels round a point of a patch that repeats; with a map of coordinates, those that
-    it has in their place (nodes.coordinates)."""
-    sizes = (width, height) if coordinates is None else tuple(coordinates.size)
+    it has in their place (nodes.coordinates); of a level, or of the finest one."""
+    finest = (width, height) if coordinates is None else tuple(coordinates.size)
+    sizes: list[Operand] = [level.size(size) if level else float(size) for size in finest]
     texels, weights = [], []
-    for coordinate, size, own in zip(g.separate(uv), sizes, (width, height), strict=False):
-        if size != own:
-            coordinate = coordinate * (own / size)
-        place = g.math("FRACT", coordinate) * float(size) - 0.5
+    for coordinate, size, laid, own in zip(
+        g.separate(uv), sizes, finest, (width, height), strict=False
+    ):
+        if laid != own:
+            coordinate = coordinate * (own / laid)
+        place = g.math("FRACT", coordinate) * size - 0.5
         corner = g.math("FLOOR", place)
         along = place - corner
-        texels.append(
-            [g.math("FLOORED_MODULO", corner + float(step), float(size)) for step in (0, 1)]
-        )
+        texels.append([g.math("FLOORED_MODULO", corner + float(step), size) for step in (0, 1)])
         weights.append([g.operate("SUBTRACT", 1.0, along), along])
     corners = [(ix, iy) for iy in (0, 1) for ix in (0, 1)]
     places = [(texels[0][ix], texels[1][iy]) for ix, iy in corners]
     if coordinates is not None:
         atlas = Atlas(coordinates, 1, 1, 1, 1)
-        across, up = (1.0 / size for size in sizes)
+        halved = level.scale if level else 1.0
+        across, up = (g.operate("DIVIDE", 1.0 / size, halved) for size in finest)
         found = [Lookup(g, atlas, (x + 0.5) * across, (y + 0.5) * up) for x, y in places]
         places = [tuple(place.fetch(0)[:2]) for place in found]
+        if level is not None:
+            own = level.size(width), level.size(height)
+            places = [
+                tuple(level.texel(part, size) for part, size in zip(place, own, strict=True))
+                for place in places
+            ]
+    if level is not None:
+        left, low = level.origin(height, width)
+        places = [(x + left, y + low) for x, y in places]
     return [
         Tap(x, y, weights[0][ix] * weights[1][iy])
         for (x, y), (ix, iy) in zip(places, corners, strict=True)
@@ -62,7 +104,8 @@ def contract_view(
     """The outputs of a texel group mixed over four texels; operands are as make_texel_group has
     them after the place and the weight."""
     across, up, _ = packed.core.scale
-    across, up = across / packed.shapes.width, up / packed.shapes.height
+    height, width = packed.shapes.tile
+    across, up = across / width, up / height
     total: list[Wire] = []
     for tap in around:
         x, y = (tap.x + 0.5) * across, (tap.y + 0.5) * up

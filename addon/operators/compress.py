@@ -18,7 +18,10 @@ from ..properties import TARGETS, NACRE_PG_scene
 from .ready import is_ready
 
 if TYPE_CHECKING:
+    from ..tables.environment import EnvironmentTable
     from ..tables.tables import Tables
+
+    _Result = tuple[Path, Tables | None, list[EnvironmentTable | None]]
 
 
 class NACRE_OT_compress(JobOperator, bpy.types.Operator):
@@ -40,6 +43,7 @@ class NACRE_OT_compress(JobOperator, bpy.types.Operator):
         from ..models.fit import compress, quality_settings
         from ..models.steps import Steps
         from ..models.target import compress_to_target
+        from ..nodes.kept_world import environment_for, kept_world
         from ..tables.tables import build_tables
 
         chosen = context.scene.nacre
@@ -59,27 +63,29 @@ class NACRE_OT_compress(JobOperator, bpy.types.Operator):
 
         # Materials that show the file that will be replaced are to show the new one.
         self._showing = materials_showing(output)
+        worlds = [kept_world(material.node_tree) for material in self._showing]
 
-        def work(progress: Progress) -> tuple[Path, Tables | None]:
+        def work(progress: Progress) -> _Result:
             steps = Steps(progress)
             fitted = with_value(dataset, "signed-distance" if dataset.value else "")
             model = fit(fitted, method, progress=steps.step(2 if self._showing else 1))
             save_model(model, output)
             if not self._showing:
-                return output, None
-            return output, build_tables(model, progress=steps.step(1))
+                return output, None, []
+            tables = build_tables(model, progress=steps.step(1))
+            return output, tables, [environment_for(world, tables) for world in worlds]
 
         return work
 
-    def finish(self, context: bpy.types.Context, result: tuple[Path, Tables | None]) -> None:
+    def finish(self, context: bpy.types.Context, result: _Result) -> None:
         from ..nodes.material import set_tables
 
-        path, tables = result
+        path, tables, environments = result
         chosen = context.scene.nacre
         chosen.model = str(path)
         if tables is not None:
-            for material in self._showing:
-                set_tables(material, tables)
+            for material, environment in zip(self._showing, environments, strict=True):
+                set_tables(material, tables, environment)
         facts = ", ".join(value for _, value in parse_facts(chosen.model_facts)[1:])
         note = _beyond_noise(chosen)
         if note:

@@ -30,37 +30,34 @@ class NACRE_OT_light_by_world(JobOperator, bpy.types.Operator):
         return has_model(cls, context) and is_ready(cls)
 
     def prepare(self, context: bpy.types.Context) -> Work:
+        from ..nodes.kept_world import KeptWorld, environment_for
         from ..nodes.material import groups_of
         from ..nodes.packed_tables import stored, unpack
         from ..render.world_light import read_world
-        from ..tables.environment import build_environment
-        from ..tables.light_lobes import light_lobes
 
         self._material = context.object.active_material
-        groups = groups_of(self._material)
         if self.remove:
-            return lambda progress: [None] * len(groups)
-        self._light = read_world(context.scene.world)
-        self._world = context.scene.world.name if context.scene.world else ""
-        lights = [unpack(stored(group)) for group in groups]
+            return lambda progress: ([], None)
+        world = context.scene.world
+        light = read_world(world)
+        kept = KeptWorld(
+            light.radiance, world.name if world else "", light.mapping.name if light.mapping else ""
+        )
+        models = [unpack(stored(group)) for group in groups_of(self._material)]
 
         def work(progress: Progress) -> Any:
             found = []
-            for number, tables in enumerate(lights):
-                progress(number / len(lights), "Convolving the light basis with the world")
-                found.append(build_environment(light_lobes(tables), self._light.radiance))
-            return found
+            for number, tables in enumerate(models):
+                progress(number / len(models), "Convolving the light basis with the world")
+                found.append(environment_for(kept, tables))
+            return found, kept
 
         return work
 
     def finish(self, context: bpy.types.Context, result: Any) -> None:
         from ..nodes.material import set_environment
 
-        if self.remove:
-            set_environment(self._material, result)
-            return
-        turning = self._light.mapping
-        set_environment(
-            self._material, result, self._world, turning.name if turning is not None else ""
-        )
-        self.report({"INFO"}, f"{self._material.name} is lit by the world {self._world}")
+        environments, kept = result
+        set_environment(self._material, environments, kept)
+        if kept is not None:
+            self.report({"INFO"}, f"{self._material.name} is lit by the world {kept.world}")

@@ -24,10 +24,12 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Work:
         from ..datasets.occlusion import MAPPINGS
         from ..models.exr import load_model
+        from ..nodes.kept_world import environment_for, kept_world
         from ..tables.tables import build_tables
 
         self._material = context.object.active_material
         files = self._material.nacre
+        kept = kept_world(self._material.node_tree)
         paths = {
             part: Path(bpy.path.abspath(getattr(files, part)))
             for part in ("model", "occlusion", "final_model")
@@ -44,8 +46,12 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
                 wanted = "occlusion" if part == "occlusion" else "btf"
                 if model.kind != wanted:
                     raise NacreError(f"{path}: a model of {model.kind}; expected one of {wanted}")
-                mapping = MAPPINGS.get(model.dataset.get("value", ""), MAPPINGS["mask"])
-                found[part] = build_tables(model, progress=share(number)), mapping
+                tables = build_tables(model, progress=share(number))
+                if part == "occlusion":
+                    mapping = MAPPINGS.get(model.dataset.get("value", ""), MAPPINGS["mask"])
+                    found[part] = tables, mapping
+                else:
+                    found[part] = tables, environment_for(kept, tables)
             return found
 
         return work
@@ -54,7 +60,7 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
         from ..nodes.material import set_coverage, set_final_tables, set_tables
 
         if "model" in result:
-            set_tables(self._material, result["model"][0])
-        set_final_tables(self._material, result.get("final_model", (None,))[0])
+            set_tables(self._material, *result["model"])
+        set_final_tables(self._material, *result.get("final_model", (None,)))
         set_coverage(self._material, *result.get("occlusion", (None,)))
         self.report({"INFO"}, f"Updated the material {self._material.name}")

@@ -21,6 +21,7 @@ class NACRE_PT_active_material(SidebarPanel, bpy.types.Panel):
         layout = property_column(self.layout)
         layout.label(text=material.name, icon="MATERIAL", translate=False)
         layout.prop(material.nacre, "lights", placeholder="Scene")
+        layout.prop(material.nacre, "shadows")
         repeat = material.node_tree.nodes.get("Repeat")
         if repeat is not None:
             column = layout.column(align=True)

@@ -1,8 +1,9 @@
-"""Levels of the core for the distance: a texture array whose layers hold every size at once.
+"""Levels of the core for the distance: textures that hold every size at once.
 
-GPU textures made by Blender's Python take no mip levels, so each layer has the whole core quad and
-its halved copies side by side (Williams 1983). A border of one texel repeats the other side of the
-patch, so that bilinear filtering inside a region never reads its neighbour.
+Textures and images of Blender's Python take no mip levels, so the whole core quad and its halved
+copies (Williams 1983) stand side by side: in each layer of the GLSL engine's texture array, and in
+each tile of the shader nodes' image (`levels_beside`). In a layer a border of one texel repeats the
+other side of the patch, so that bilinear filtering inside a region never reads its neighbour.
 """
 
 from __future__ import annotations
@@ -70,3 +71,25 @@ def layers_of_levels(core: NDArray[np.float32]) -> NDArray[np.float32]:
         pad = ((0, 0), (BORDER, BORDER), (BORDER, BORDER), (0, 0))
         layers[:, rows, columns] = np.pad(level, pad, mode="wrap")
     return layers
+
+
+def count_beside(height: int, width: int) -> int:
+    """How many halved copies `levels_beside` has, none of them narrower than a texel."""
+    return min(height, width).bit_length() - 1
+
+
+def levels_beside(core: NDArray[np.float32]) -> NDArray[np.float32]:
+    """A core (..., Y, X, 4) with its halved copies in a column beside it: (..., Y, X + X // 2, 4).
+
+    Copy n has Y // 2^n rows and X // 2^n columns and begins in row floor(Y (1 - 2^(1 - n))), so
+    that a shader works out where it is. Without borders: a shader's four taps wrap one by one.
+    """
+    *_, height, width, _ = core.shape
+    beside = np.zeros((*core.shape[:-2], width + width // 2, 4), np.float32)
+    beside[..., :width, :] = level = core
+    for number in range(1, count_beside(height, width) + 1):
+        high, wide = height >> number, width >> number
+        level = halve(halve(level, core.ndim - 3), core.ndim - 2)
+        row = height - -(-height * 2 // 2**number)
+        beside[..., row : row + high, width : width + wide, :] = level
+    return beside

@@ -13,11 +13,15 @@ from addon.datasets.directions import spherical_to_unit
 from addon.errors import NacreError
 from addon.models.clustered_tucker import ClusteredTucker
 from addon.nodes import atlas
+from addon.nodes.coordinates import stored_coordinates
 from addon.nodes.material import (
     MODEL_NODE,
+    group_of,
+    groups_of,
     is_nacre_material,
     material_from_tables,
     set_coordinates,
+    set_final_tables,
     set_lights,
     set_tables,
 )
@@ -198,6 +202,22 @@ def test_a_map_of_coordinates_lays_the_patch_anew(engine: str, tables: Tables) -
         expected = patch[y, x]
         assert np.abs(seen - expected).mean() < 0.01 * expected.mean()
     assert len([image for image in bpy.data.images if image.type == "IMAGE"]) == 4
+
+
+def test_a_map_of_coordinates_stays_where_it_fits(tables: Tables) -> None:
+    """With as many texels; other tables repeat, shown or final."""
+    material = material_from_tables(tables, "Test")
+    set_coordinates(material, np.zeros((24, 16, 2), np.int32))
+    laid = stored_coordinates(group_of(material))
+    smaller = build_tables(small_model((12, 14, 9, 8, 3), (4, 5, 3, 3)), 32)
+    set_final_tables(material, tables)
+    assert [stored_coordinates(group) for group in groups_of(material)] == [laid, laid]
+    set_final_tables(material, smaller)
+    set_tables(material, tables)
+    assert [stored_coordinates(group) for group in groups_of(material)] == [laid, None]
+    set_tables(material, smaller)
+    assert [stored_coordinates(group) for group in groups_of(material)] == [None, None]
+    assert not [image for image in bpy.data.images if "Coordinates" in image.name]
 
 
 def test_packed_tables_come_out_again() -> None:

@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from addon.tables.levels import halve, layers_of_levels, regions
+from addon.tables.levels import (
+    count_beside,
+    halve,
+    layers_of_levels,
+    levels_beside,
+    regions,
+)
 
 
 @pytest.mark.parametrize("shape", [(8, 8), (12, 10), (7, 5), (1, 6), (1, 1)])
@@ -47,3 +53,15 @@ def test_regions_do_not_overlap():
     for x, y, wide, high in layout.places:
         used[y - 1 : y + high + 1, x - 1 : x + wide + 1] += 1
     assert used.max() == 1
+
+
+def test_halved_copies_beside_the_core() -> None:
+    """Each where a shader looks for it, with the mean of the whole, and none over another."""
+    core = np.random.default_rng(0).random((2, 13, 6, 4)).astype(np.float32) + 1.0
+    beside = levels_beside(core)
+    assert beside.shape == (2, 13, 9, 4) and count_beside(13, 6) == 2
+    np.testing.assert_array_equal(beside[:, :, :6], core)
+    np.testing.assert_allclose(beside[:, :6, 6:9], halve(halve(core, 1), 2))
+    last = beside[:, 6:9, 6:7]  # 3 x 1 texels from row floor(13 / 2)
+    np.testing.assert_allclose(last.mean((1, 2)), core.mean((1, 2)), rtol=1e-5)
+    assert not beside[:, 9:, 6:].any() and not beside[:, 6:, 7:].any()

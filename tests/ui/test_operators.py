@@ -11,11 +11,17 @@ from small_btf import write_dataset
 
 from addon import jobs
 from addon.errors import Cancelled
-from addon.nodes.light_set import count_of, light_set
+from addon.nodes.coordinates import stored_coordinates
+from addon.nodes.kept_world import kept_world
+from addon.nodes.light_set import count_of, has_shadows, light_set
 from addon.nodes.material import FINAL_NODE, group_of, groups_of
 from addon.nodes.model_group import lights_of
+from addon.nodes.packed_environment import stored_environment
+from addon.nodes.packed_tables import stored, unpack
 from addon.operators import compress, import_btf
 from addon.render import world_light
+from addon.tables.environment import build_environment
+from addon.tables.light_lobes import light_lobes
 
 
 def fails(operator, **options) -> str:
@@ -281,7 +287,10 @@ def test_lights_of_a_collection_take_over(scene, model):
     assert bpy.ops.nacre.create_material() == {"FINISHED"}
     material = bpy.data.materials["wool"]
     assert followed(material) == {spot}
+    material.nacre.shadows = True
+    assert followed(material) == {spot} and has_shadows(lights_of(group_of(material)))
     material.nacre.lights = None
+    assert has_shadows(lights_of(group_of(material)))
     assert followed(material) == set(scene.objects)
 
 
@@ -376,6 +385,50 @@ def test_a_final_model_takes_the_place_of_the_shown_one_while_rendering(scene, m
     assert len(bpy.data.images) == images - 4
 
 
+def test_world_light_and_laying_are_carried_over(scene, dataset, model, tmp_path, monkeypatch):
+    """Compressed again, updated, and with a final model set afterwards; removed from all."""
+    monkeypatch.setattr(world_light, "SIZE", (32, 16))
+    model = Path(shutil.copy(model, tmp_path))
+    scene.nacre.model = str(model)
+    item = add_mesh(scene, "A")
+    bpy.ops.nacre.create_material()
+    material = item.active_material
+    bpy.context.view_layer.objects.active = item
+    scene.world = bpy.data.worlds.new("Sky")
+    add_environment(scene.world)
+    assert bpy.ops.nacre.light_by_world() == {"FINISHED"}
+    assert bpy.ops.nacre.hide_repetition() == {"FINISHED"}
+    before = stored_environment(group_of(material))
+    laid = stored_coordinates(group_of(material))
+
+    scene.nacre.dataset, scene.nacre.output = str(dataset), str(model)
+    scene.nacre.method, scene.nacre.quality = "NSVD", "DRAFT"
+    assert bpy.ops.nacre.compress() == {"FINISHED"}
+    material.nacre.final_model = str(model)
+    assert bpy.ops.nacre.update_material() == {"FINISHED"}
+    shown, final = groups_of(material)
+    for group in (shown, final):
+        environment = stored_environment(group)
+        assert (environment.world, environment.mapping) == (before.world, before.mapping)
+        assert len([node for node in group.nodes if node.type == "MAPPING"]) == 3
+        assert stored_coordinates(group) == laid
+    wanted = build_environment(light_lobes(unpack(stored(shown))), kept_picture(material))
+    assert stored_environment(shown).scale == pytest.approx(wanted.scale, rel=1e-6)
+
+    assert bpy.ops.nacre.light_by_world(remove=True) == {"FINISHED"}
+    assert bpy.ops.nacre.hide_repetition(remove=True) == {"FINISHED"}
+    assert bpy.ops.nacre.update_material() == {"FINISHED"}
+    for group in groups_of(material):
+        assert stored_environment(group) is None and stored_coordinates(group) is None
+    assert len([image for image in bpy.data.images if image.name.startswith("Nacre")]) == 8
+
+
+def kept_picture(material):
+    kept = kept_world(material.node_tree)
+    assert kept.radiance.shape == (16, 32, 3) and kept.world == "Sky"
+    return kept.radiance
+
+
 def test_the_world_lights_a_material_and_turns_live(scene, model, monkeypatch):
     monkeypatch.setattr(world_light, "SIZE", (32, 16))
     scene.nacre.model = str(model)
@@ -400,7 +453,7 @@ def test_the_world_lights_a_material_and_turns_live(scene, model, monkeypatch):
     assert len(bpy.data.images) == images
     assert bpy.ops.nacre.light_by_world(remove=True) == {"FINISHED"}
     assert not [node for node in group.nodes if node.type == "MAPPING"]
-    assert len(bpy.data.images) == images - 1
+    assert len(bpy.data.images) == images - 2  # its table and its picture
 
 
 def test_a_material_is_as_large_as_it_was_measured(scene, model):

@@ -99,7 +99,7 @@ def test_facts_are_drawn_without_reading_a_file(scene, dataset, model, monkeypat
         )
     assert "81 lights × 81 views" in dataset_shown
     assert any("dB" in text for text in model_shown)
-    assert shown[:4] == ["wool", "lights", "default_value", "default_value"]
+    assert shown[:4] == ["wool", "lights", "shadows", "default_value"]
     assert {"model", "occlusion", "final_model", "nacre.update_material"} <= set(shown)
 
 
