@@ -88,7 +88,7 @@ class NACRE_PG_scene(bpy.types.PropertyGroup):
         items=(
             ("DRAFT", "Draft", "Small and quick, for a first look"),
             ("MEDIUM", "Medium", "A good picture at a moderate size"),
-            ("HIGH", "High", "Fine detail, at several times the size"),
+            ("HIGH", "High", "About as close to the real thing as the samples are"),
             (
                 "TARGET_DB",
                 "Target Quality",
@@ -96,7 +96,7 @@ class NACRE_PG_scene(bpy.types.PropertyGroup):
             ),
             ("TARGET_MB", "Target Size", "The best model of a size; takes several fits to find"),
         ),
-        default="MEDIUM",
+        default="HIGH",
         update=_settings_set,
     )
     target_db: FloatProperty(

@@ -29,7 +29,8 @@ def main() -> None:
     options = arguments("coordinate_map", __doc__)
     rows = [["", "time", "seen again", "at a cut", "seam / step"]]
     for name, dataset in materials(options.folder, options.only).items():
-        tables = build_tables(compress(dataset, "kcta", **quality_settings(dataset, "kcta")), 64)
+        settings = quality_settings(dataset, "kcta", "MEDIUM")
+        tables = build_tables(compress(dataset, "kcta", **settings), 64)
         start = perf_counter()
         found = synthesize_coordinates(tables).astype(np.intp)
         took = perf_counter() - start

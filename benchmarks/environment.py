@@ -93,7 +93,7 @@ def studio_world(name: str) -> NDArray[np.float32]:
 
 
 def tables_of(dataset: Dataset, method: str) -> Tables:
-    return build_tables(compress(dataset, method, **quality_settings(dataset, method)))
+    return build_tables(compress(dataset, method, **quality_settings(dataset, method, "MEDIUM")))
 
 
 def random_points(tables: Tables, count: int) -> Points:

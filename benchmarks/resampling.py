@@ -62,7 +62,7 @@ def _report(dataset: Dataset, path: Path) -> str:
     rows += [["nearest", "", *_snrs(wanted, nearest)], ["spline", "", *_snrs(wanted, spline)]]
     errors = []
     for method, label in METHODS.items():
-        model = compress(kept, method, **quality_settings(kept, method))
+        model = compress(kept, method, **quality_settings(kept, method, "MEDIUM"))
         decoded = model.decode()
         seen = _resampled(model, light, view)
         exact = _spline(kept, decoded, light, view)

@@ -20,7 +20,7 @@ SIZES = (64, 128, 256, 512, 1024)
 def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         dataset = import_dataset(SAMPLE, Path(folder) / "wool.nacre")
-        model = compress(dataset, "kcta", **quality_settings(dataset, "kcta"))
+        model = compress(dataset, "kcta", **quality_settings(dataset, "kcta", "MEDIUM"))
         print(f"{'texels':>8} {'error':>8} {'largest':>8} {'maps':>9}")
         for size in SIZES:
             tables = build_tables(model, size)

@@ -24,7 +24,8 @@ from PIL import Image, ImageDraw
 from addon.datasets.dataset import Dataset
 from addon.models.clustered_tucker import ClusteredTucker
 from addon.models.exr import load_model, save_model
-from addon.models.fit import METHODS, QUALITIES, compress, quality_settings
+from addon.models.fit import METHODS, QUALITIES, QUALITY, quality_settings
+from addon.models.lightness import compress_by_lightness
 from addon.nodes.material import material_from_tables
 from addon.render.engines import render_pixels
 from addon.render.pictures import object_scene
@@ -52,7 +53,7 @@ SIZE = 320
 CAMERA = (25.0, -60.0)
 ACROSS = {"sphere": 5, "cloth": 4}  # so that a texel is about a pixel
 SAMPLES = {"woven_hair": 64, "displaced_voronoi": 64, "translucent_wax": 128}
-DEFAULT = "kcta", "MEDIUM"
+DEFAULT = "kcta", QUALITY
 TITLES = {"dataset": "dataset", "nsvd": "N-SVD", "cta": "CTA", "kcta": "K-CTA", "mkcta": "MK-CTA"}
 ALLOWED = 0.02
 TILE = 112
@@ -129,7 +130,8 @@ def fitted(scene: str, dataset: Dataset, quality: str, folder: Path) -> dict[str
     files = {method: folder / f"{scene} {method} {quality}.exr" for method in METHODS}
     for method, file in files.items():
         if not file.is_file():
-            model = compress(dataset, method, **quality_settings(dataset, method, quality))
+            settings = quality_settings(dataset, method, quality)
+            model = compress_by_lightness(dataset, method, folder=folder, **settings)
             save_model(model, file)
     return files
 

@@ -13,7 +13,8 @@ from addon.cli import Progress
 from addon.datasets.importing import import_dataset
 from addon.datasets.quality import compare_blocks
 from addon.models.exr import load_model, save_model
-from addon.models.fit import compress, quality_settings
+from addon.models.fit import quality_settings
+from addon.models.lightness import compress_by_lightness
 from addon.nodes.material import material_from_tables
 from addon.render.engines import render_to, set_engine
 from addon.render.pictures import object_scene
@@ -35,7 +36,9 @@ def main() -> None:
         dataset = import_dataset(SAMPLE, OUT / "wool.nacre", progress=progress)
         say("Compressing", f"{dataset.raw_bytes / 1e6:.0f} MB by K-CTA")
         settings = quality_settings(dataset, "kcta")
-        model = compress(dataset, "kcta", **settings, progress=progress)
+        model = compress_by_lightness(
+            dataset, "kcta", folder=OUT, **settings, progress=progress
+        )
         path = OUT / "wool.exr"
         save_model(model, path)
         model = load_model(path)

@@ -25,10 +25,12 @@ from .snr import measure_snr
 METHODS = ("nsvd", "cta", "kcta", "mkcta")
 SEARCHES = ("auto", "kcta", "greedy", "optimal")
 QUALITIES = ("DRAFT", "MEDIUM", "HIGH")
+QUALITY = "HIGH"
+"""The usual one: about as close to the real thing as the samples themselves (docs/truth.md)."""
 
 
 def quality_settings(
-    dataset: Dataset, method: str, quality: str = "MEDIUM"
+    dataset: Dataset, method: str, quality: str = QUALITY
 ) -> dict[str, dict[str, int]]:
     """Ranks, clusters and mixtures for a quality, as keyword arguments of `compress`.
 
@@ -39,10 +41,10 @@ def quality_settings(
     rank_light, clusters, mixtures, share = {
         "DRAFT": (12, 5, 2, 3 / 8),
         "MEDIUM": (20, 7, 3, 1 / 2),
-        "HIGH": (32, 12, 3, 3 / 4),
+        "HIGH": (56, 12, 3, 5 / 8),
     }[quality]
     if dataset.kind == "occlusion":  # less to hold, and a wrong texel is seen
-        clusters *= 2
+        clusters, share = 2 * clusters, min(share + 1 / 8, 3 / 4)
 
     def spatial(size: int) -> int:
         return min(size, max(4, 4 * round(size * share / 4)))
@@ -85,6 +87,8 @@ def compress(
     memory: int = 0,
     state: Path | None = None,
     resume: bool = False,
+    start: tuple[ClusteredTucker, float] | None = None,
+    iterations: int | None = None,
     progress: Callable[[float, str], bool] | None = None,
 ) -> ClusteredTucker:
     """Fit a clustered Tucker model.
@@ -112,6 +116,8 @@ def compress(
                   None for nowhere
     resume        begin from `state`, if it is there: a fit that was killed ends with the same
                   result as one that was not
+    start         a model of these settings to begin from, but by "nsvd", and sum A^2 of the samples
+    iterations    at most; None: until the error stands still
 
     Raises NacreError for settings that do not fit the dataset, Cancelled on request.
     """
@@ -148,6 +154,8 @@ def compress(
         "checkpoint": checkpoint.save if checkpoint else None,
         "progress": progress,
     }
+    if iterations is not None:
+        shared["iterations"] = iterations
     result: dict[str, Any]
     try:
         if method == "nsvd":
@@ -163,7 +171,9 @@ def compress(
                 "tolerance": 5e-4 if len(clusters) == 1 else 2e-3,
                 "seed": seed,
             }
-            if coarse > 1 and shared["start"] is None:
+            if start is not None:
+                shared["start"] = _started(*start)
+            elif coarse > 1 and shared["start"] is None:
                 shared["start"] = coarse_start(
                     samples,
                     order,
@@ -214,6 +224,17 @@ def compress(
         return model
     snr_db = round(measure_snr(dataset, model, progress), 4)
     return replace(model, fit={**model.fit, "snr_db": snr_db})
+
+
+def _started(model: ClusteredTucker, squared_norm: float) -> dict[str, Any]:
+    """A model in the layout of the compiled helper."""
+    return {
+        "core": model.core,
+        "basis": [model.bases[mode] for mode in model.modes],
+        "members": {MODES.index(mode): rows for mode, rows in model.members.items()},
+        "errors": [],
+        "squared_norm": squared_norm,
+    }
 
 
 def usual_global_modes(

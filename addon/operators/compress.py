@@ -41,6 +41,7 @@ class NACRE_OT_compress(JobOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Work:
         from ..models.exr import check_destination, save_model
         from ..models.fit import compress, quality_settings
+        from ..models.lightness import compress_by_lightness
         from ..models.steps import Steps
         from ..models.target import compress_to_target
         from ..nodes.kept_world import environment_for, kept_world
@@ -59,7 +60,10 @@ class NACRE_OT_compress(JobOperator, bpy.types.Operator):
             aim = {"snr_db" if chosen.quality == "TARGET_DB" else "megabytes": wanted}
             fit = partial(compress_to_target, folder=output.parent, **aim)
         else:
-            fit = partial(compress, **quality_settings(dataset, method, chosen.quality))
+            settings = quality_settings(dataset, method, chosen.quality)
+            fit = partial(compress, **settings)
+            if dataset.kind == "btf":
+                fit = partial(compress_by_lightness, folder=output.parent, **settings)
 
         # Materials that show the file that will be replaced are to show the new one.
         self._showing = materials_showing(output)

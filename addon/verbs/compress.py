@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from ..models.clustered_tucker import ClusteredTucker
 
 ENCODINGS = {"distance": "signed-distance", "mask": "mask"}
-_BY_HAND = ("quality", "ranks", "clusters", "mixtures", "resume")
+WEIGHTS = ("lightness", "equal")
+_BY_HAND = ("quality", "ranks", "clusters", "mixtures", "weights", "resume")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--target-mb", type=above_0, metavar="MB", help="the best model whose file has this size"
     )
     parser.add_argument(
-        "--quality", help="draft, medium (default) or high: what is not given below"
+        "--quality", help="draft, medium or high (default): what is not given below"
     )
     parser.add_argument("--ranks", type=counts, default={}, help="light=20,view=4,y=32,x=32")
     parser.add_argument("--clusters", type=counts, default={}, help="view=7")
@@ -58,6 +59,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--domain",
         default="linear",
         help="log fits log luminance with chroma: errors alike in the dark and in the light",
+    )
+    parser.add_argument(
+        "--weights",
+        choices=WEIGHTS,
+        help="how errors count: by how much lighter or darker they look (lightness; default where "
+        "a quality chooses the ranks) or all alike (equal; default where --ranks or --clusters do)",
     )
     parser.add_argument("--seed", type=from_0, default=0)
     parser.add_argument("--threads", type=from_0, default=0, help="0 for every core")
@@ -125,9 +132,10 @@ def _by_target(
 def _by_settings(
     dataset: Dataset, options: argparse.Namespace, shared: dict[str, Any]
 ) -> ClusteredTucker:
-    from ..models.fit import QUALITIES, compress, quality_settings
+    from ..models.fit import QUALITIES, QUALITY, compress, quality_settings
+    from ..models.lightness import compress_by_lightness
 
-    quality = (options.quality or "medium").upper()
+    quality = (options.quality or QUALITY).upper()
     if quality not in QUALITIES:
         raise NacreError(f"quality {options.quality!r}: expected draft, medium or high")
     settings: dict[str, Any] = quality_settings(dataset, options.method, quality)
@@ -137,13 +145,23 @@ def _by_settings(
         settings["mixtures"] = {mode: min(most, count) for mode, count in options.clusters.items()}
     for name in ("ranks", "mixtures"):
         settings[name] = {**settings.get(name, {}), **getattr(options, name)}
-    return compress(
-        dataset,
-        options.method,
+    shared = {
         **settings,
-        coarse=options.coarse,
-        domain=options.domain,
-        state=options.model.with_name(f".{options.model.name}.fit"),
-        resume=options.resume,
+        "coarse": options.coarse,
+        "state": options.model.with_name(f".{options.model.name}.fit"),
+        "resume": options.resume,
         **shared,
-    )
+    }
+    if _by_lightness(dataset, options):
+        return compress_by_lightness(dataset, options.method, folder=options.model.parent, **shared)
+    return compress(dataset, options.method, domain=options.domain, **shared)
+
+
+def _by_lightness(dataset: Dataset, options: argparse.Namespace) -> bool:
+    """Whether errors are weighed by lightness."""
+    if options.weights:
+        if options.weights == "lightness" and options.domain != "linear":
+            raise NacreError("--weights lightness does not go with --domain: leave one of them out")
+        return bool(options.weights == "lightness")
+    chosen = options.ranks or options.clusters or options.domain != "linear"
+    return dataset.kind == "btf" and not chosen
