@@ -504,7 +504,7 @@ def counts() -> dict[str, int]:
         thing for thing in gc.get_objects() if isinstance(thing, part("preview.draw").Resources)
     ]
     found["viewports of the engine"] = len(kept)
-    for name in ("meshes", "tables", "shaders"):
+    for name in ("meshes", "textures", "shaders"):
         found[f"engine's {name}"] = sum(len(getattr(one, name)) for one in kept)
     found["memory"] = int(Path("/proc/self/statm").read_text().split()[1]) * 4096
     return found
