@@ -159,8 +159,9 @@ class NACRE_PG_material(bpy.types.PropertyGroup):
     shadows: BoolProperty(
         name="Receive Shadows",
         description="In EEVEE, take from the scene how much of each light arrives: shadows of all "
-        "objects, light linking, and where a light ends. Costs more with each light. Cycles cannot "
-        "do this, and shows all lights without shadows",
+        "objects, light linking, and where a light ends. Costs more with each light. In Material "
+        "Preview it needs Scene Lights on. Cycles cannot do this, and shows all lights without "
+        "shadows",
         default=False,
         update=_lights_set,
     )

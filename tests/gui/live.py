@@ -18,6 +18,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from mathutils import Vector
 
 sys.path.insert(0, str(Path(__file__).parent))
 from window import (
@@ -54,6 +55,7 @@ def story() -> Iterator[Wait]:
     yield from make_material()
     yield from move_the_light()
     yield from draw_with_nacre()
+    yield from receive_shadows()
     yield from light_by_world()
     yield from change_quality()
     yield from reopen()
@@ -142,6 +144,52 @@ def draw_with_nacre() -> Iterator[Wait]:
     yield from settle("07-eevee-again", 2.0, 0.7)
 
 
+def receive_shadows() -> Iterator[Wait]:
+    """A disc between the sun and the sphere; in EEVEE its shadow is a choice of the material.
+
+    Material Preview draws with EEVEE, too, by default under a picture in place of the scene's
+    lights: the material still follows those, but the picture casts none of their shadows.
+    """
+    space = viewport()["area"].spaces.active
+    point, sun = (bpy.data.objects[name] for name in ("Point", "Sun"))
+    rotation = sun.rotation_euler.copy()
+    point.hide_set(True)
+    sun.rotation_euler = (radians(35), radians(25), 0)
+    bpy.ops.ed.undo_push(message="Sun Alone")
+    yield from settle("08-sun", 2.0, 0.7)
+    before = sphere_pixels(picture("08-sun"))
+    add_disc()
+    yield from settle("08-disc", 2.0, 0.7)
+    lit = sphere_pixels(picture("08-disc"))
+    check("disc: no shadow without Receive Shadows", np.abs(lit - before).mean() < SAME)
+
+    def receive() -> None:
+        shown().nacre.shadows = True
+        bpy.ops.ed.undo_push(message="Receive Shadows")
+
+    yield from step("09-shadow", receive)
+    shadow = sphere_pixels(picture("09-shadow"))
+    darker = (shadow.mean(-1) < 0.6 * lit.mean(-1)).mean()
+    report["in the shadow"] = float(darker)
+    check("shadow: a part of the sphere is in it", 0.1 < darker < 0.9)
+
+    space.shading.type = "MATERIAL"
+    check("scene lights are off in Material Preview", not space.shading.use_scene_lights)
+    for name, shadows in (("10-preview-shadow", True), ("11-preview", False)):
+        shown().nacre.shadows = shadows
+        yield from settle(name)
+        pixels = sphere_pixels(picture(name))
+        report[name[3:]] = [float(pixels.mean()), float(np.abs(pixels - lit).mean())]
+        check(f"{name[3:]}: nothing is magenta", not magenta(pixels))
+    check("preview: the scene's lights are followed", np.abs(pixels - lit).mean() < CHANGED)
+    show_rendered()
+    bpy.data.objects.remove(bpy.data.objects["Disc"])
+    bpy.data.objects["Point"].hide_set(False)
+    bpy.data.objects["Sun"].rotation_euler = rotation
+    bpy.ops.ed.undo_push(message="Remove Disc")
+    yield from settle("11-rendered-again", 2.0, 0.7)
+
+
 def light_by_world() -> Iterator[Wait]:
     """A world that is bright on one side, turned by its Mapping node."""
     world = bpy.data.worlds.new("Bright Side")
@@ -164,23 +212,24 @@ def light_by_world() -> Iterator[Wait]:
     for light in bpy.data.lights:
         light.energy *= 0.2
     bpy.ops.ed.undo_push(message="World")
-    yield from settle("08-world", 2.0, 0.7)
+    yield from settle("12-world", 2.0, 0.7)
 
     def light() -> None:
         call(bpy.ops.nacre.light_by_world)
 
-    yield from step("09-world-light", light)
+    yield from step("13-world-light", light)
 
     def turn() -> None:
         mapping = bpy.data.worlds["Bright Side"].node_tree.nodes["Mapping"]
         mapping.inputs["Rotation"].default_value = (0.0, 0.0, pi)
         bpy.ops.ed.undo_push(message="Turn World")
 
-    yield from step("10-turned-world", turn)
+    yield from step("14-turned-world", turn)
 
 
 def change_quality() -> Iterator[Wait]:
-    """Compressing anew to the same file brings the material up to date, by one step of undo."""
+    """Compressing anew to the same file brings the material up to date, by one step of undo; the
+    world lights it as before."""
     before = settings().model_facts
     settings().quality = "MEDIUM"
     bpy.ops.ed.undo_push(message="Quality")
@@ -188,41 +237,48 @@ def change_quality() -> Iterator[Wait]:
     def compress_anew() -> None:
         call(bpy.ops.nacre.compress)
 
-    yield from step("11-recompressed", compress_anew)
+    lit = sphere_pixels(picture("15-world-lit")).mean()
+    yield from step("15-recompressed", compress_anew, least=0.01)
     check("the model is another one", settings().model_facts != before)
-    call(bpy.ops.nacre.light_by_world)
-    yield lambda: job() is None
-    yield from settle("window", 2.0, 0.7)
+    kept = sphere_pixels(picture("15-recompressed-redo")).mean()
+    check("the world's light stays", abs(kept / lit - 1) < 0.1)
+
+    def turn() -> None:
+        mapping = bpy.data.worlds["Bright Side"].node_tree.nodes["Mapping"]
+        mapping.inputs["Rotation"].default_value = (0.0, 0.0, pi / 2)
+        bpy.ops.ed.undo_push(message="Turn World")
+
+    yield from step("15-world-stays", turn)
 
 
 def reopen() -> Iterator[Wait]:
     """The file as it was, and the light is followed as before."""
-    before = sphere_pixels(picture("12-saved"))
+    before = sphere_pixels(picture("16-saved"))
     bpy.ops.wm.save_as_mainfile(filepath=str(BLEND))
     bpy.ops.wm.read_homefile(use_empty=True)
     yield 0.5
     bpy.ops.wm.open_mainfile(filepath=str(BLEND))
     show_rendered()
-    yield from settle("13-reopened")
-    after = sphere_pixels(picture("13-reopened"))
+    yield from settle("17-reopened")
+    after = sphere_pixels(picture("17-reopened"))
     check("the reopened file shows the same", np.abs(after - before).mean() < SAME)
     bpy.ops.ed.undo_push(message="Reopened")
 
     def turn() -> None:
-        bpy.data.objects["Sun"].rotation_euler = (radians(60), 0, radians(-60))
+        bpy.data.objects["Sun"].rotation_euler = (radians(60), 0, radians(20))
         bpy.data.lights["Sun"].energy = pi
         bpy.ops.ed.undo_push(message="Turn Sun")
 
-    yield from step("14-reopened-moved-light", turn)
+    yield from step("18-reopened-moved-light", turn)
 
 
 def lose_the_model() -> Iterator[Wait]:
     """Its file damaged, then gone: what is shown stays; without tables, a named placeholder."""
-    before = sphere_pixels(picture("15-before-losing"))
+    before = sphere_pixels(picture("19-before-losing"))
     kept = MODEL.read_bytes()
     for name, lose in (
-        ("16-broken", lambda: MODEL.write_bytes(kept[:1000])),
-        ("17-missing", lambda: MODEL.unlink()),
+        ("20-broken", lambda: MODEL.write_bytes(kept[:1000])),
+        ("21-missing", lambda: MODEL.unlink()),
     ):
         lose()
         call(bpy.ops.nacre.update_material)
@@ -242,8 +298,8 @@ def lose_the_model() -> Iterator[Wait]:
     bpy.context.scene.render.engine = "NACRE"
     bpy.data.objects["Sphere"].active_material = lost
     for name, prepare in (
-        ("18-placeholder-missing", lambda: None),
-        ("19-placeholder-broken", lambda: MODEL.write_bytes(kept[:1000])),
+        ("22-placeholder-missing", lambda: None),
+        ("23-placeholder-broken", lambda: MODEL.write_bytes(kept[:1000])),
     ):
         prepare()
         bpy.data.objects["Sphere"].update_tag()
@@ -272,7 +328,7 @@ def compare_with_cycles() -> Iterator[Wait]:
     check("the comparison runs on a thread", job() is not None)
     yield lambda: job() is None
     yield 1.5
-    picture("20-compared")
+    picture("24-compared")
     facts = scene.nacre.comparison.facts
     report["comparison"] = facts
     check("EEVEE and Cycles are compared", "PSNR" in facts)
@@ -302,7 +358,7 @@ def undo_fifty_times() -> Iterator[Wait]:
         yield 0.2
         seen.append(counts())
     no_growth("undo", seen)
-    picture("21-undone-fifty-times")
+    picture("25-undone-fifty-times")
     select_sphere()
 
 
@@ -315,7 +371,7 @@ def load_fifty_times() -> Iterator[Wait]:
         yield 0.4
         seen.append(counts())
     no_growth("load", seen)
-    pixels = sphere_pixels(picture("22-loaded-fifty-times"))
+    pixels = sphere_pixels(picture("26-loaded-fifty-times"))
     check("it is still shown", pixels.std() > 0.01)
 
 
@@ -331,8 +387,8 @@ def append() -> Iterator[Wait]:
     bpy.data.objects["Sphere"].active_material = material
     bpy.ops.ed.undo_push(message="Append")
     show_rendered()
-    yield from settle("23-appended")
-    pixels = sphere_pixels(picture("23-appended"))
+    yield from settle("27-appended")
+    pixels = sphere_pixels(picture("27-appended"))
     check("the appended material is lit and has detail", pixels.std() > 0.01)
     check("nothing of it is magenta", not magenta(pixels))
     check("there is one set of lights", len(light_sets()) == 1)
@@ -341,15 +397,17 @@ def append() -> Iterator[Wait]:
         bpy.data.objects["Sun"].rotation_euler = (radians(35), radians(25), 0)
         bpy.ops.ed.undo_push(message="Turn Sun")
 
-    yield from step("24-appended-moved-light", turn)
+    yield from step("28-appended-moved-light", turn)
     bpy.ops.wm.save_as_mainfile(filepath=str(OTHER))
 
 
 # --- what steps share -----------------------------------------------------------------------------
 
 
-def step(name: str, action: Callable[[], None], steps: int = 1) -> Iterator[Wait]:
-    """Something that changes the picture; undone and redone."""
+def step(
+    name: str, action: Callable[[], None], steps: int = 1, least: float = CHANGED
+) -> Iterator[Wait]:
+    """Something that changes the picture by `least`; undone and redone."""
     before = sphere_pixels(picture(name))
     action()
     yield 0.2
@@ -357,13 +415,13 @@ def step(name: str, action: Callable[[], None], steps: int = 1) -> Iterator[Wait
     begun = time.monotonic()
     yield (
         lambda: (
-            np.abs(sphere_pixels(picture(name)) - before).mean() > CHANGED
+            np.abs(sphere_pixels(picture(name)) - before).mean() > least
             or time.monotonic() - begun > 20.0
         )
     )
     yield from settle(name, 1.5, 0.6)
     after = sphere_pixels(picture(name))
-    check(f"{name[3:]}: the picture follows", np.abs(after - before).mean() > CHANGED)
+    check(f"{name[3:]}: the picture follows", np.abs(after - before).mean() > least)
     check(f"{name[3:]}: nothing is magenta", not magenta(after))
     for what, act, expected in (("undo", undo, before), ("redo", redo, after)):
         for _ in range(steps):
@@ -379,6 +437,22 @@ def step(name: str, action: Callable[[], None], steps: int = 1) -> Iterator[Wait
 def show_rendered() -> None:
     """Blender opens files in solid shading, whatever they were saved in."""
     viewport()["area"].spaces.active.shading.type = "RENDERED"
+
+
+def add_disc() -> None:
+    """Where it shades the middle of the sphere from the sun, out of the view's way."""
+    towards_sun = bpy.data.objects["Sun"].matrix_world.to_quaternion() @ Vector((0.0, 0.0, 1.0))
+    towards_view = viewport()["area"].spaces.active.region_3d.view_rotation @ Vector((0, 0, 1))
+    call(
+        bpy.ops.mesh.primitive_circle_add,
+        radius=0.25,
+        fill_type="NGON",
+        location=towards_view + 1.5 * towards_sun,
+        rotation=towards_sun.to_track_quat("Z", "Y").to_euler(),
+    )
+    bpy.context.object.name = "Disc"
+    select_sphere()
+    bpy.ops.ed.undo_push(message="Name")
 
 
 def select_sphere() -> None:
@@ -430,7 +504,7 @@ def counts() -> dict[str, int]:
         thing for thing in gc.get_objects() if isinstance(thing, part("preview.draw").Resources)
     ]
     found["viewports of the engine"] = len(kept)
-    for name in ("meshes", "tables", "shaders"):
+    for name in ("meshes", "textures", "shaders"):
         found[f"engine's {name}"] = sum(len(getattr(one, name)) for one in kept)
     found["memory"] = int(Path("/proc/self/statm").read_text().split()[1]) * 4096
     return found

@@ -45,6 +45,7 @@ def _seen(material: bpy.types.Material, repeat: float, engine: str = "eevee") ->
         add_sun(scene, LIGHT).data.use_shadow = False
         set_lights(material, scene)
         set_engine(scene, engine, 1)
+        scene.eevee.use_shadows = False  # whose maps take longer than the picture
         scene.render.filter_size = 0.0
         scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
         return render_pixels(scene)
@@ -106,6 +107,7 @@ def test_level_is_that_of_the_longer_side(tilt: float, perspective: bool) -> Non
         if perspective:
             camera.data.type, camera.data.angle = "PERSP", 2.0 * atan(0.1 / 10.0)
         set_engine(scene, "eevee", 1)
+        scene.eevee.use_shadows = False
         scene.render.filter_size = 0.0
         seen = render_pixels(scene)[12:20, 20:28, 0]
     expected = log2(repeat * 0.2 / 48 / cos(radians(tilt)))

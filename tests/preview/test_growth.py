@@ -20,7 +20,7 @@ from addon.preview.context import need_gpu
 from addon.preview.draw import Resources, prepare, table_bytes
 from addon.tables.tables import Tables, build_tables
 
-CYCLES = 50
+CYCLES = (12, pytest.param(50, marks=pytest.mark.acceptance))
 SETTLED = 2  # cycles until what is made once has been made
 
 
@@ -74,16 +74,17 @@ def drawn(resources: Resources) -> dict[str, int]:
     prepare(bpy.context.evaluated_depsgraph_get(), resources, appearance_of)
     return {
         "meshes": len(resources.meshes),
-        "tables": len(resources.tables),
+        "textures": len(resources.textures),
         "bytes": table_bytes(resources),
         "shaders": len(resources.shaders),
     }
 
 
-def test_fifty_times_undo_and_redo(material, qualities):
+@pytest.mark.parametrize("cycles", CYCLES)
+def test_undo_and_redo_again_and_again(material, qualities, cycles):
     resources, seen = Resources(), []
     bpy.ops.ed.undo_push(message="Begin")
-    for number in range(CYCLES):
+    for number in range(cycles):
         # Another quality, another light and another mesh.
         set_tables(bpy.data.materials[material], qualities[1 - number % 2])
         bpy.ops.object.light_add("EXEC_DEFAULT", False, type="POINT")
@@ -103,11 +104,12 @@ def test_fifty_times_undo_and_redo(material, qualities):
     assert all(cycle == seen[SETTLED] for cycle in seen[SETTLED:])
 
 
-def test_fifty_times_loading_the_file(material, tmp_path):
+@pytest.mark.parametrize("cycles", CYCLES)
+def test_loading_the_file_again_and_again(material, tmp_path, cycles):
     path = str(tmp_path / "shown.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     seen = []
-    for _ in range(CYCLES):
+    for _ in range(cycles):
         bpy.ops.wm.open_mainfile(filepath=path)
         assert [shown.name for shown in nacre_materials()] == [material]
         bpy.context.view_layer.update()
