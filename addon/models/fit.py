@@ -41,10 +41,10 @@ def quality_settings(
     rank_light, clusters, mixtures, share = {
         "DRAFT": (12, 5, 2, 3 / 8),
         "MEDIUM": (20, 7, 3, 1 / 2),
-        "HIGH": (56, 12, 3, 5 / 8),
+        "HIGH": (56, 12, 3, 3 / 4),
     }[quality]
     if dataset.kind == "occlusion":  # less to hold, and a wrong texel is seen
-        clusters, share = 2 * clusters, min(share + 1 / 8, 3 / 4)
+        clusters *= 2
 
     def spatial(size: int) -> int:
         return min(size, max(4, 4 * round(size * share / 4)))

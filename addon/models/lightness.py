@@ -1,13 +1,15 @@
 """Fits whose errors are weighed by how much lighter or darker they look; the models stay linear.
 
 Equal weights spend a model on highlights, which hold most of the energy and are white on every
-screen, at the cost of all else. Lightness (CIE L*) goes with the cube root, so an error at a value
-A looks like one of A^(-2/3): its square is weighed by
+screen, at the cost of all else. Lightness (CIE L*) goes with the cube root, so an error beside a
+value M looks like one of M^(-2/3): its square is weighed by
 
-    w = min(1, (knee / A)^(4/3)),     knee: the mean of the samples.
+    w = (knee / B)^(4/3) min(1, B / |A - M|),     B = max(M, knee), knee: the mean of the samples A.
 
-Minimising sum w (A - M)^2 over models M is the weighted low-rank approximation of Srebro and
-Jaakkola (ICML 2003), by a fit of unweighted targets in every round:
+The first factor is of the model's value, not of the sample's: else what is noise to the model, as
+much above as below, would make it darker. The second is Huber's, and bounds what a highlight that
+the model cannot have pulls. Minimising sum w (A - M)^2 over models M is the weighted low-rank
+approximation of Srebro and Jaakkola (ICML 2003), by a fit of unweighted targets in every round:
 
     T = M + step w (A - M)
 
@@ -39,17 +41,16 @@ from .fit import compress, describe
 from .snr import measure_snr
 from .steps import Progress, Steps
 
-_POWER = 4.0 / 3.0
 _BRIGHTEST = 6.0
 """Knees at which samples are cut for the first model."""
 
-_STEP = 1.7
+_STEP = 1.6
 """Below 2, as for every gradient descent on a quadratic function of weights up to 1."""
 
 _FRESH = (0, 3)
 """Rounds that begin without a model: by the fourth the targets say what is worth a basis."""
 
-_ROUNDS = 12
+_ROUNDS = 8
 _BLOCK = 2**21  # values in memory at a time, of each thread
 _THREADS = min(4, os.cpu_count() or 1)  # beyond, memory is the bound
 _IMAGES = 1024  # of which the knee is the mean
@@ -162,8 +163,10 @@ def _aim(
             t = np.minimum(a, _BRIGHTEST * knee)
         else:
             m = model.decode(light=part)
-            w = np.cbrt(np.minimum(knee / np.maximum(a, knee), 1.0)) ** 4
+            beside = np.maximum(m, knee)
             off = a - m
+            w = np.cbrt(knee / beside) ** 4
+            w *= np.minimum(1.0, beside / np.maximum(np.abs(off), knee))
             wanted = w * off
             error = float(np.vdot(wanted, off))
             energy = float(np.vdot(w * a, a))
