@@ -191,12 +191,12 @@ def fit_ensemble(
     progress: Callable[[float, str], bool] | None = None,
 ) -> Training:
     """An ensemble of K orthonormal dictionaries for patches (n, I1, ..., IN), float16 or float32 (a
-    read-only numpy.memmap will do: they are read anew in every pass, and its pages dropped). SparseBTF
-    (Kavoosighafi et al. 2023), Eqs. 2a to 2d; each patch has `sparsity` coefficients.
+    read-only numpy.memmap will do: they are read anew in every pass, and its pages dropped).
+    SparseBTF (Kavoosighafi et al. 2023), Eqs. 2a to 2d; each patch has `sparsity` coefficients.
 
     `reassign`: the dictionary of each patch is chosen anew in every so many sweeps. `checkpoint` is
-    called with the state after each sweep; given as `start`, the training goes on from there, and the
-    result has the same bits as without the break."""
+    called with the state after each sweep; given as `start`, the training goes on from there, and
+    the result has the same bits as without the break."""
 
 def code_patches(
     patches: NDArray[Any],
