@@ -48,10 +48,11 @@ def open_samples(path: Path) -> Samples:
         return Samples(pixels.shape, pixels.__getitem__, size)
     if kind != ".exr":
         raise NacreError(f"{path}: expected a dataset, a model, or a .png or .exr picture")
-    from .models.exr import is_model, load_model, read_picture
+    from .models.any_model import load_any
+    from .models.exr import is_model, read_picture
 
     if is_model(path):
-        model = load_model(path)
+        model = load_any(path)
         first = KINDS[model.kind][0]
         return Samples(
             model.shape,

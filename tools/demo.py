@@ -36,9 +36,7 @@ def main() -> None:
         dataset = import_dataset(SAMPLE, OUT / "wool.nacre", progress=progress)
         say("Compressing", f"{dataset.raw_bytes / 1e6:.0f} MB by K-CTA")
         settings = quality_settings(dataset, "kcta")
-        model = compress_by_lightness(
-            dataset, "kcta", folder=OUT, **settings, progress=progress
-        )
+        model = compress_by_lightness(dataset, "kcta", folder=OUT, **settings, progress=progress)
         path = OUT / "wool.exr"
         save_model(model, path)
         model = load_model(path)

@@ -18,10 +18,8 @@ DOMAINS = ("linear", "log")
 OFFSET = np.float32(0.01)
 """Added to luminance before the logarithm: part of the file format, and in nacre_native too."""
 
-_TO_YUV = np.array(
-    [[0.299, 0.587, 0.114], [-0.14713, -0.28886, 0.436], [0.615, -0.51499, -0.10001]]
-)
-_TO_RGB = np.linalg.inv(_TO_YUV)
+TO_YUV = np.array([[0.299, 0.587, 0.114], [-0.14713, -0.28886, 0.436], [0.615, -0.51499, -0.10001]])
+TO_RGB = np.linalg.inv(TO_YUV)
 
 
 def to_log(rgb: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -29,7 +27,7 @@ def to_log(rgb: NDArray[np.floating]) -> NDArray[np.float32]:
 
     What nacre_native does with samples as it reads them for a fit.
     """
-    yuv = rgb @ _TO_YUV.T
+    yuv = rgb @ TO_YUV.T
     luminance = np.maximum(yuv[..., :1], 0.0) + OFFSET
     return np.concatenate([np.log(luminance), yuv[..., 1:] / luminance], -1).astype(np.float32)
 
@@ -38,7 +36,7 @@ def to_linear(values: NDArray[np.float32]) -> NDArray[np.float32]:
     """The linear colours (..., 3) of what `to_log` returns; not clamped."""
     luminance = np.exp(values[..., :1])
     yuv = np.concatenate([luminance - OFFSET, values[..., 1:] * luminance], -1)
-    return np.asarray(yuv @ _TO_RGB.T.astype(np.float32), np.float32)
+    return np.asarray(yuv @ TO_RGB.T.astype(np.float32), np.float32)
 
 
 def check_domain(domain: str, dataset: Dataset) -> None:

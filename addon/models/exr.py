@@ -10,9 +10,22 @@ from numpy.typing import NDArray
 from ..datasets.dataset import KINDS
 from ..errors import NacreError
 from .clustered_tucker import ClusteredTucker, modes_of
-from .exr_arrays import check_destination, is_model, read_arrays, read_picture, write_arrays
+from .exr_arrays import (
+    check_destination,
+    is_model,
+    read_arrays,
+    read_description,
+    read_picture,
+    write_arrays,
+)
 
 __all__ = ["check_destination", "is_model", "load_btf", "load_model", "read_picture", "save_model"]
+
+
+_SPARSE = {
+    "sparse": "decoded but not shown yet",
+    "sparse-ensemble": "for `compress --method sparse --ensemble`",
+}
 
 
 def save_model(model: ClusteredTucker, path: str | os.PathLike[str]) -> None:
@@ -38,6 +51,9 @@ def save_model(model: ClusteredTucker, path: str | os.PathLike[str]) -> None:
 
 def load_model(path: str | os.PathLike[str]) -> ClusteredTucker:
     """Read a model; NacreError when the file is missing, damaged or not a model of Nacre's."""
+    other = read_description(path).get("model")
+    if other in _SPARSE:
+        raise NacreError(f"{path}: holds a {other!r} model, which is {_SPARSE[other]}")
     arrays, description = read_arrays(path)
     kind = description.get("kind", "btf")
     if description.get("model") != "clustered-tucker" or kind not in KINDS:

@@ -2,7 +2,8 @@
 
 An array of shape (a, ..., z) is one single-channel part, width z, height a * ..., HALF scaled to
 peak 1 or UINT. The description is JSON in the string attribute `nacre`. It begins with a CRC-32 of
-the whole file, because the OpenEXR library reads what it finds of a file cut short.
+the whole file, because the OpenEXR library reads what it finds of a file cut short. Each array, and
+the description, has a CRC-32 of its own as well, for what can be used of such a file.
 """
 
 from __future__ import annotations
@@ -55,9 +56,16 @@ def write_arrays(
             scale = float(np.float32(np.abs(array).max(initial=0.0))) or 1.0
             array = np.asarray(array / np.float32(scale), np.float16)
         images[name] = np.ascontiguousarray(array).reshape(-1, array.shape[-1])
-        entries[name] = {"shape": list(array.shape), "axes": axes[name], "scale": scale}
+        entries[name] = {
+            "shape": list(array.shape),
+            "axes": axes[name],
+            "scale": scale,
+            "crc32": zlib.crc32(images[name].tobytes()),
+        }
     seal = {"crc32": _UNSEALED.decode(), "nacre": VERSION}
-    text = json.dumps({**seal, **description, "arrays": entries}, allow_nan=False)
+    described = {**description, "arrays": entries}
+    seal["description_crc32"] = _description_checksum(described)
+    text = json.dumps({**seal, **described}, allow_nan=False)
     temporary = path.with_name(f".{path.stem}-{secrets.token_hex(4)}.exr")
     try:
         with quiet():  # beside a Blender that has OpenEXR as a shared library, it warns of nothing
@@ -78,15 +86,19 @@ def write_arrays(
 
 
 def read_arrays(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str], partial: bool = False
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """The arrays of a file at their own scale, float32 or uint32, and its description.
+
+    With `partial`, those that are whole of a file that was cut short: the first ones.
 
     Raises NacreError when the file is missing, damaged, or not written by `write_arrays`.
     """
     if not is_model(path):
         raise NacreError(f"{path}: an OpenEXR picture, but not a model of Nacre's")
-    _check_seal(path)
+    intact = _is_intact(path)
+    if not intact and not partial:
+        raise _damaged(path)
     try:
         with quiet():
             parts = OpenEXR.File(str(path), separate_channels=True).parts
@@ -99,15 +111,32 @@ def read_arrays(
             f"{path}: is of file version {description['nacre']} and this Nacre reads version "
             f"{VERSION}: update the extension"
         )
+    if not intact:
+        images = _intact_images(path, images, description)
     arrays = {}
     for name, entry in description["arrays"].items():
         if name not in images:
+            if not intact:
+                continue
             raise NacreError(f"{path}: has no part {name!r}; compress the dataset again")
         array = images[name].reshape(entry["shape"])
         if array.dtype == np.float16:
             array = array.astype(np.float32) * np.float32(entry["scale"])
         arrays[name] = array
     return arrays, description
+
+
+def read_description(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """What a file says of itself, also where arrays were cut off; NacreError as `read_arrays`."""
+    if not is_model(path):
+        raise NacreError(f"{path}: an OpenEXR picture, but not a model of Nacre's")
+    try:
+        with quiet():
+            header = OpenEXR.File(str(path), header_only=True).parts[0].header
+        description: dict[str, Any] = json.loads(header["nacre"])
+    except (RuntimeError, LookupError, ValueError) as error:
+        raise _damaged(path) from error
+    return description
 
 
 def is_model(path: str | os.PathLike[str]) -> bool:
@@ -200,19 +229,38 @@ def _write_seal(path: Path) -> None:
         file.write(b"%08x" % checksum)
 
 
-def _check_seal(path: str | os.PathLike[str]) -> None:
-    """Raise NacreError unless every byte of a sealed file is the one that was written."""
+def _is_intact(path: str | os.PathLike[str]) -> bool:
+    """Whether every byte of a sealed file is the one that was written."""
     try:
         at, checksum = _checksum(path)
         with open(path, "rb") as file:
             file.seek(at - len(_SEAL))
             if file.read(len(_SEAL)) != _SEAL:
-                return  # other programs that write EXR files do not know of the seal
-            intact = file.read(len(_UNSEALED)) == b"%08x" % checksum
+                return True  # other programs that write EXR files do not know of the seal
+            return file.read(len(_UNSEALED)) == b"%08x" % checksum
     except OSError as error:
         raise NacreError(f"{path}: cannot be read ({error.strerror})") from error
-    if not intact:
+
+
+def _intact_images(
+    path: str | os.PathLike[str],
+    images: Mapping[str, NDArray[Any]],
+    description: dict[str, Any],
+) -> dict[str, NDArray[Any]]:
+    """Those images of a damaged file that are as they were written."""
+    described = dict(description)
+    del described["crc32"], described["nacre"]
+    if described.pop("description_crc32", None) != _description_checksum(described):
         raise _damaged(path)
+    return {
+        name: images[name]
+        for name, entry in described["arrays"].items()
+        if name in images and zlib.crc32(images[name].tobytes()) == entry["crc32"]
+    }
+
+
+def _description_checksum(described: Mapping[str, Any]) -> int:
+    return zlib.crc32(json.dumps(described).encode())
 
 
 def _damaged(path: str | os.PathLike[str]) -> NacreError:

@@ -18,6 +18,7 @@ from . import (
     measure,
     merge,
     render,
+    train,
     verify,
 )
 
@@ -27,6 +28,7 @@ VERBS: dict[str, ModuleType] = {
     "measure": measure,
     "merge": merge,
     "info": info,
+    "train": train,
     "compress": compress,
     "decode": decode,
     "compare": compare,

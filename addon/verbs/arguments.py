@@ -4,6 +4,8 @@ import argparse
 from collections.abc import Callable
 from math import inf
 
+from ..errors import NacreError
+
 Progress = Callable[[float, str], bool]
 
 
@@ -14,6 +16,21 @@ def counts(text: str) -> dict[str, int]:
         return {mode.strip(): int(value) for mode, value in pairs}
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form view=4,y=32") from None
+
+
+def sparsity_parts(given: dict[str, int], keys: tuple[str, ...]) -> dict[str, int]:
+    """Coefficients of each part of an ensemble out of y=256,uv=32: u and v may go together.
+
+    Raises NacreError for a part that is missing or not there.
+    """
+    rest = {name.upper(): count for name, count in given.items()}
+    if "UV" in rest and "UV" not in keys:
+        count = rest.pop("UV")
+        rest = {"U": count, "V": count} | rest
+    if set(rest) != set(keys):
+        expected = ",".join(f"{key.lower()}=.." for key in keys)
+        raise NacreError(f"sparsity: expected {expected}, with uv=.. for u and v alike")
+    return {key: rest[key] for key in keys}
 
 
 def index_range(text: str) -> slice:

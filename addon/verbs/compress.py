@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import NacreError
-from .arguments import Progress, above_0, counts, from_0, from_1, gigabytes
+from .arguments import Progress, above_0, counts, from_0, from_1, gigabytes, sparsity_parts
 
 if TYPE_CHECKING:
     from ..datasets.dataset import Dataset
@@ -16,12 +16,15 @@ if TYPE_CHECKING:
 ENCODINGS = {"distance": "signed-distance", "mask": "mask"}
 WEIGHTS = ("lightness", "equal")
 _BY_HAND = ("quality", "ranks", "clusters", "mixtures", "weights", "resume")
+_SPARSE_QUALITY = 64
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", type=Path)
     parser.add_argument("model", type=Path)
-    parser.add_argument("--method", default="kcta", help="nsvd, cta, kcta (default) or mkcta")
+    parser.add_argument(
+        "--method", default="kcta", help="nsvd, cta, kcta (default), mkcta or sparse"
+    )
     target = parser.add_mutually_exclusive_group()
     target.add_argument(
         "--target-db", type=above_0, metavar="DB", help="the smallest model of this quality (SNR)"
@@ -64,7 +67,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--weights",
         choices=WEIGHTS,
         help="how errors count: by how much lighter or darker they look (lightness; default where "
-        "a quality chooses the ranks) or all alike (equal; default where --ranks or --clusters do)",
+        "a quality chooses the ranks) or all alike (equal; default where --ranks ... do)",
+    )
+    parser.add_argument(
+        "--ensemble",
+        type=Path,
+        action="append",
+        default=[],
+        help="for sparse: what `train` made, or the authors' folder; of several, the one that fits",
+    )
+    parser.add_argument(
+        "--sparsity",
+        type=counts,
+        default={},
+        help="for sparse: y=256,uv=32 coefficients a patch; else SparseBTF(64)'s",
     )
     parser.add_argument("--seed", type=from_0, default=0)
     parser.add_argument("--threads", type=from_0, default=0, help="0 for every core")
@@ -90,8 +106,14 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     elif options.encoding:
         raise NacreError(f"{options.dataset}: --encoding is for occlusion")
     check_destination(options.model)
+    if options.method == "sparse":
+        return _sparse(dataset, options, progress)
+    for name in ("ensemble", "sparsity"):
+        if getattr(options, name):
+            raise NacreError(f"--{name} is for --method sparse")
     if options.method not in METHODS:
-        raise NacreError(f"method {options.method!r}: expected one of {', '.join(METHODS)}")
+        expected = ", ".join((*METHODS, "sparse"))
+        raise NacreError(f"method {options.method!r}: expected one of {expected}")
     modes = options.global_modes
     shared = {
         "global_modes": modes if modes is None else tuple(filter(None, modes.split(","))),
@@ -106,6 +128,28 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     save_model(model, options.model)
     note = beyond_noise(model.fit.get("snr_db"), dataset.noise_floor_db)
     return describe_model(model, options.model) | ({"note": note} if note else {})
+
+
+def _sparse(dataset: Dataset, options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from ..models.sparse.coding import code
+    from ..models.sparse.ensemble import choose
+    from ..models.sparse.files import load_ensemble, save_sparse
+    from ..models.sparse.model import sparsity_of
+    from .info import describe_sparse
+
+    for name in ("target_db", "target_mb", *_BY_HAND, "global_modes"):
+        if getattr(options, name):
+            raise NacreError(f"--{name.replace('_', '-')} does not go with sparse: see --sparsity")
+    if not options.ensemble:
+        raise NacreError("sparse codes need dictionaries: give --ensemble FILE, made by `train`")
+    ensemble = choose({str(path): load_ensemble(path) for path in options.ensemble}, dataset)
+    keys = tuple(ensemble.dictionaries)
+    sparsity = sparsity_of(_SPARSE_QUALITY, keys, ensemble.patch)
+    if options.sparsity:
+        sparsity = sparsity_parts(options.sparsity, keys)
+    model = code(dataset, ensemble, sparsity, threads=options.threads, progress=progress)
+    save_sparse(model, options.model)
+    return describe_sparse(model, options.model)
 
 
 def _by_target(
@@ -163,5 +207,6 @@ def _by_lightness(dataset: Dataset, options: argparse.Namespace) -> bool:
         if options.weights == "lightness" and options.domain != "linear":
             raise NacreError("--weights lightness does not go with --domain: leave one of them out")
         return bool(options.weights == "lightness")
-    chosen = options.ranks or options.clusters or options.domain != "linear"
+    by_hand = options.ranks or options.clusters or options.mixtures
+    chosen = by_hand or options.domain != "linear"
     return dataset.kind == "btf" and not chosen

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import Cancelled, NacreError
-from .arguments import Progress, index_range
+from .arguments import Progress, from_1, index_range
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from ..models.any_model import Model
     from ..models.clustered_tucker import ClusteredTucker
 
 RANGES = ("light", "view", "y", "x")
@@ -29,6 +30,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="CSV of theta,phi in degrees: every light and view of the list, interpolated",
     )
     parser.add_argument(
+        "--kernel",
+        choices=("linear", "gaussian"),
+        help="how sparse codes mix the directions around one of --directions (linear)",
+    )
+    parser.add_argument(
+        "--quality",
+        type=from_1,
+        metavar="N",
+        help="of sparse codes, the most important ones: N latent-equivalents, 16 to 256 as a rule",
+    )
+    parser.add_argument(
         "--raw", action="store_true", help="of occlusion, the fitted values instead of masks"
     )
 
@@ -38,14 +50,21 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
     from ..datasets.dataset import DatasetWriter, open_dataset
     from ..datasets.directions import read_directions_csv
-    from ..models.exr import load_model
+    from ..models.any_model import load_any
     from ..models.interpolation import horizon_fade
     from ..models.resample import resample
+    from ..models.sparse.interpolation import at_directions
+    from ..models.sparse.model import SparseBtf
     from ..samples import blocks
     from .info import describe_dataset
 
-    model = load_model(options.model)
-    if model.kind == "occlusion":
+    model = load_any(options.model)
+    for option in ("quality", "kernel"):
+        if getattr(options, option) and not isinstance(model, SparseBtf):
+            raise NacreError(f"{options.model}: --{option} is for sparse codes")
+    if isinstance(model, SparseBtf):
+        model = model.truncated(options.quality or model.quality)
+    elif model.kind == "occlusion":
         return _decode_occlusion(model, options, progress)
     if options.raw:
         raise NacreError(f"{options.model}: --raw is for occlusion")
@@ -66,7 +85,10 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if options.directions:
         progress(0.0, "Resampling")
         fade = horizon_fade(np.asarray(model.dataset["light"]), lights).astype(np.float32)
-        model = resample(model, lights, views)
+        if isinstance(model, SparseBtf):
+            model = at_directions(model, lights, views, options.kernel or "linear")
+        else:
+            model = resample(model, lights, views)
         kept_lights, kept_views = np.arange(len(lights)), np.arange(len(views))
     with DatasetWriter(options.dataset, description, shape, np.float32) as writer:
         for part in blocks(shape):
@@ -129,7 +151,7 @@ def _check_ranges(axes: Sequence[str], shape: Sequence[int]) -> None:
 
 
 def _describe(
-    model: ClusteredTucker, lights: np.ndarray, views: np.ndarray, rows: int, columns: int
+    model: Model, lights: np.ndarray, views: np.ndarray, rows: int, columns: int
 ) -> dict[str, Any]:
     """The content of dataset.json for a part of the model's patch."""
     return {
@@ -142,9 +164,9 @@ def _describe(
     }
 
 
-def _describe_patch(model: ClusteredTucker, rows: int, columns: int) -> dict[str, Any]:
+def _describe_patch(model: Model, rows: int, columns: int) -> dict[str, Any]:
     """What any kind's dataset.json says of a part of the model's patch."""
-    height, width = (model.bases[axis].shape[1] for axis in ("y", "x"))
+    height, width = model.shape[2:4] if model.kind == "btf" else model.shape[1:]
     patch_width, patch_height = model.dataset["patch_size"]
     return {
         "nacre": 1,

@@ -12,6 +12,8 @@ from .arguments import Progress
 if TYPE_CHECKING:
     from ..datasets.dataset import Dataset
     from ..models.clustered_tucker import ClusteredTucker
+    from ..models.sparse.ensemble import Ensemble
+    from ..models.sparse.model import SparseBtf
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,9 +27,7 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if (options.path / DESCRIPTION).is_file():
         return describe_dataset(open_dataset(options.path))
     if options.path.suffix.lower() == ".exr":
-        from ..models.exr import load_model
-
-        return describe_model(load_model(options.path), options.path)
+        return _describe_file(options.path)
     return {"what": "measured file", **describe_source(options.path)}
 
 
@@ -47,6 +47,57 @@ def describe_dataset(dataset: Dataset) -> dict[str, Any]:
         **({"noise_floor_db": dataset.noise_floor_db} if dataset.noise_floor_db else {}),
         **({"side_channels": list(dataset.side_channels)} if dataset.side_channels else {}),
         "source": _short(dataset.source),
+    }
+
+
+def _describe_file(path: Path) -> dict[str, Any]:
+    from ..models.any_model import load_any
+    from ..models.exr_arrays import read_description
+    from ..models.sparse.files import ENSEMBLE, load_ensemble
+    from ..models.sparse.model import SparseBtf
+
+    if read_description(path).get("model") == ENSEMBLE:
+        return describe_ensemble(load_ensemble(path), path)
+    model = load_any(path)
+    if isinstance(model, SparseBtf):
+        return describe_sparse(model, path)
+    return describe_model(model, path)
+
+
+def describe_ensemble(ensemble: Ensemble, path: Path) -> dict[str, Any]:
+    """An ensemble of dictionaries and its file for printing."""
+    training = {key: value for key, value in ensemble.training.items() if key != "objective"}
+    return {
+        "what": "ensemble",
+        "light": len(ensemble.light),
+        "view": len(ensemble.view),
+        "parts": list(ensemble.dictionaries),
+        **training,
+        "patch": list(ensemble.patch),
+        "dictionaries": {key: len(modes[0]) for key, modes in ensemble.dictionaries.items()},
+        "bytes": path.stat().st_size,
+    }
+
+
+def describe_sparse(model: SparseBtf, path: Path) -> dict[str, Any]:
+    """A sparse model and its file for printing; code_bytes leave out dictionaries and means."""
+    size = path.stat().st_size
+    note = f"cut short: loads as quality {model.quality}, of which snr_db is not measured"
+    fit = {key: value for key, value in model.fit.items() if model.complete or key != "snr_db"}
+    return {
+        "what": "model",
+        "kind": model.kind,
+        **fit,
+        "shape": list(model.shape),
+        "patch": list(model.ensemble.patch),
+        "dictionaries": {key: len(modes[0]) for key, modes in model.ensemble.dictionaries.items()},
+        "sparsity": model.sparsity,
+        "quality": model.quality,
+        **({} if model.complete else {"note": note}),
+        "code_bytes": model.code_bytes,
+        "bytes": size,
+        "ratio": round(4 * prod(model.shape) / size, 2),
+        "source": model.dataset["source"],
     }
 
 

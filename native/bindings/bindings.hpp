@@ -22,11 +22,16 @@ void register_clustered(py::module_& module);
 void register_search(py::module_& module);
 void register_evaluator(py::module_& module);
 void register_table_evaluator(py::module_& module);
+void register_ensemble(py::module_& module);
 
 // Samples (light, view, y, x, channel), C-contiguous half or float, used where they lie. `bounded`:
 // memory is; pages of a read-only numpy.memmap are dropped behind the reader.
 BtfSource btf_source(const py::array& samples, bool bounded = false,
                      const std::string& domain = "linear");
+
+// Whether the array lies in a numpy.memmap that was opened read-only: then its pages may be
+// dropped.
+bool in_read_only_map(const py::array& array);
 
 // auto, kcta, greedy or optimal.
 SearchMethod search_method(const std::string& name);

@@ -3,10 +3,7 @@
 
 namespace nacre::python {
 
-namespace {
-
-// Whether the array lies in a numpy.memmap that was opened read-only, itself or as a view of one:
-// then its pages may be dropped. Those of a copy-on-write map, or of memory, would be lost.
+// Itself or as a view of one. Pages of a copy-on-write map, or of memory, would be lost.
 bool in_read_only_map(const py::array& array) {
     const py::object memmap = py::module_::import("numpy").attr("memmap");
     const auto* first = static_cast<const char*>(array.data());
@@ -19,8 +16,6 @@ bool in_read_only_map(const py::array& array) {
     }
     return false;
 }
-
-}  // namespace
 
 BtfSource btf_source(const py::array& samples, bool bounded, const std::string& domain) {
     if (samples.ndim() != 5) {
@@ -64,4 +59,5 @@ PYBIND11_MODULE(_native, module) {
     nacre::python::register_search(module);
     nacre::python::register_evaluator(module);
     nacre::python::register_table_evaluator(module);
+    nacre::python::register_ensemble(module);
 }

@@ -35,6 +35,9 @@ void scipy_dormtr_(const char* side, const char* uplo, const char* trans, const 
                    const int* n, const double* a, const int* lda, const double* tau, double* c,
                    const int* ldc, double* work, const int* lwork, int* info, std::size_t,
                    std::size_t, std::size_t);
+void scipy_dgesdd_(const char* jobz, const int* m, const int* n, double* a, const int* lda,
+                   double* s, double* u, const int* ldu, double* vt, const int* ldvt, double* work,
+                   const int* lwork, int* iwork, int* info, std::size_t);
 void scipy_openblas_set_num_threads(int threads);
 }
 
@@ -178,6 +181,28 @@ VectorD leading_eigen(MatrixD& matrix, Index count, MatrixD& vectors) {
         vectors.row(r) = Eigen::Map<const VectorD>(found.data() + at(k - 1 - r) * at(n), n);
     }
     return values.reverse();
+}
+
+VectorD singular_vectors(MatrixD& matrix, MatrixD& right) {
+    const int n = narrow(matrix.rows());
+    VectorD values(n);
+    right.resize(n, n);
+    if (n == 0) return values;
+    // Column-major for LAPACK, which sees the transpose: its left vectors are our right ones.
+    MatrixD left(n, n);
+    std::vector<int> int_work(8 * at(n));
+    int info = 0, size = -1;
+    double optimum = 0;
+    for (std::vector<double> work; size != 0;) {
+        double* room = size < 0 ? &optimum : work.data();
+        scipy_dgesdd_("A", &n, &n, matrix.data(), &n, values.data(), right.data(), &n, left.data(),
+                      &n, room, &size, int_work.data(), &info, 1);
+        size = size < 0 ? static_cast<int>(optimum) : 0;
+        work.resize(at(size));
+    }
+    if (info != 0) throw std::runtime_error("singular value iteration did not converge");
+    matrix = left;
+    return values;
 }
 
 }  // namespace nacre

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks._glsl import Screen, random_tables
+from benchmarks._glsl import Screen
+from benchmarks._tables import random_tables
 from benchmarks.glsl import MATERIALS
 
 pytestmark = pytest.mark.usefixtures("need_gpu")

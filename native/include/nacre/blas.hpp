@@ -28,4 +28,8 @@ VectorD symmetric_eigen(MatrixD& matrix);
 // than all of them.
 VectorD leading_eigen(MatrixD& matrix, Index count, MatrixD& vectors);
 
+// The singular value decomposition A diag(s) B of a square matrix: columns of `matrix` become the
+// left singular vectors, A, and rows of `right` the right ones, B. Values in descending order.
+VectorD singular_vectors(MatrixD& matrix, MatrixD& right);
+
 }  // namespace nacre

@@ -1,4 +1,4 @@
-"""Clustered tensor approximation: N-SVD, CTA, K-CTA and MK-CTA of measured appearance.
+"""Compression of measured appearance: N-SVD, CTA, K-CTA, MK-CTA and sparse dictionaries.
 
 A thin skin over a C++ library. Arrays in and out are numpy's; see `__init__.pyi` for signatures.
 """
@@ -8,8 +8,10 @@ from ._native import (
     Evaluator,
     TableEvaluator,
     __version__,
+    code_patches,
     core_gram,
     fit_clustered,
+    fit_ensemble,
     fit_nsvd,
     search_clusters,
 )
@@ -19,8 +21,10 @@ __all__ = [
     "Evaluator",
     "TableEvaluator",
     "__version__",
+    "code_patches",
     "core_gram",
     "fit_clustered",
+    "fit_ensemble",
     "fit_nsvd",
     "search_clusters",
 ]

@@ -1,4 +1,4 @@
-"""Clustered tensor approximation: N-SVD, CTA, K-CTA and MK-CTA of measured appearance.
+"""Compression of measured appearance: N-SVD, CTA, K-CTA, MK-CTA and sparse dictionaries.
 
 `samples` are float16 or float32, C-contiguous, axes (light, view, y, x, channel); they are read
 where they lie (a read-only memory map will do) and not copied. The tensor that is decomposed has
@@ -188,3 +188,56 @@ class TableEvaluator:
     ) -> NDArray[np.float32]:
         """Values (n, channel) at n points: directions (n, 3) as above, and texture coordinates
         (n, 2) that repeat with the patch; bilinear between texels."""
+
+class Training(TypedDict):
+    dictionaries: list[NDArray[np.float32]]  # (K, I, I) of each mode, atoms are columns
+    members: NDArray[np.uint32]  # (n,): the dictionary of each patch
+    # the objective over the squared norm, at the begin of each sweep and at the end; never rising
+    # but for the rounding of single precision products
+    errors: list[float]
+    orthonormality: list[float]  # largest entry of |U^T U - I| after each sweep
+    reseeded: list[int]  # dictionaries without patches, in each sweep
+    squared_norm: float
+    sweeps: int
+
+class SparseCode(TypedDict):
+    positions: NDArray[np.uint32]  # (n, sparsity), in C order of a patch's coefficients
+    values: NDArray[np.float32]  # (n, sparsity), larger magnitude first, then zeros
+    counts: NDArray[np.uint32]  # (n,): coefficients that are not zero
+    members: NDArray[np.uint32]  # (n,)
+    errors: NDArray[np.float64]  # (n,): squared error
+
+def fit_ensemble(
+    patches: NDArray[Any],
+    *,
+    dictionaries: int,
+    sparsity: int,
+    sweeps: int = 30,
+    tolerance: float = 1e-3,
+    reassign: int = 1,
+    seed: int = 0,
+    threads: int = 0,
+    start: Mapping[str, Any] | None = None,
+    checkpoint: Callable[[Training], object] | None = None,
+    progress: Callable[[float, str], bool] | None = None,
+) -> Training:
+    """An ensemble of K orthonormal dictionaries for patches (n, I1, ..., IN), float16 or float32 (a
+    read-only numpy.memmap will do: they are read anew in every pass, and its pages dropped).
+    SparseBTF (Kavoosighafi et al. 2023), Eqs. 2a to 2d; each patch has `sparsity` coefficients.
+
+    `reassign`: the dictionary of each patch is chosen anew in every so many sweeps. `checkpoint` is
+    called with the state after each sweep; given as `start`, the training goes on from there, and
+    the result has the same bits as without the break."""
+
+def code_patches(
+    patches: NDArray[Any],
+    dictionaries: Sequence[ArrayLike],
+    sparsity: int,
+    *,
+    error: float = 0.0,
+    threads: int = 0,
+    progress: Callable[[float, str], bool] | None = None,
+) -> SparseCode:
+    """Sparse codes of patches (n, I1, ..., IN): projected on every dictionary (Eq. 3), the largest
+    coefficients kept until there are `sparsity` or the mean squared error is `error`; the sparsest
+    dictionary wins, among equals the one of least error (Section 3.3)."""

@@ -1,0 +1,185 @@
+"""Ensembles and sparse models as OpenEXR files.
+
+The coefficients of a model are in levels of quality, the most important ones first: what is found
+of a file that was cut short is a model of lower quality.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import NacreError
+from ..exr_arrays import read_arrays, write_arrays
+from .authors import is_authors_folder, load_authors_ensemble
+from .ensemble import Ensemble, orthonormal
+from .model import Codes, SparseBtf, shares
+from .transform import Normalisation
+
+ENSEMBLE, MODEL = "sparse-ensemble", "sparse"
+
+QUALITIES = (1, 2, 4, 8, 16, 24, 32, 48, 64, 96, 128, 192, 256)
+"""Latent-equivalents at which a file may be cut; the last level is the model's own quality."""
+
+_MODES = ("y", "x", "light", "view", "colour")
+
+
+def save_ensemble(ensemble: Ensemble, path: str | os.PathLike[str]) -> None:
+    """Write an ensemble; NacreError when it cannot be written."""
+    arrays, axes = _dictionary_arrays(ensemble)
+    write_arrays(
+        path, arrays, axes, {"kind": "btf", "model": ENSEMBLE, **_describe_ensemble(ensemble)}
+    )
+
+
+def load_ensemble(path: str | os.PathLike[str]) -> Ensemble:
+    """An ensemble out of our file or of a folder of the authors'; NacreError when it is neither."""
+    if is_authors_folder(Path(path)):
+        return load_authors_ensemble(Path(path))
+    if os.path.isdir(path):
+        raise NacreError(f"{path}: a folder without bonn_angles.bin is no ensemble")
+    arrays, description = read_arrays(path)
+    if description.get("model") not in (ENSEMBLE, MODEL):
+        raise NacreError(f"{path}: a model of another method, not an ensemble of dictionaries")
+    return _ensemble(arrays, description)
+
+
+def save_sparse(model: SparseBtf, path: str | os.PathLike[str]) -> None:
+    """Write a model with the ensemble it needs; NacreError when it cannot be written."""
+    arrays, axes = _dictionary_arrays(model.ensemble)
+    arrays = {"mean": model.normalised.mean, "deviation": model.normalised.deviation, **arrays}
+    axes |= {"mean": ["light", "view"], "deviation": ["light", "view"]}
+    for key, codes in model.codes.items():
+        arrays[f"members_{key}"] = codes.members[None]
+        axes[f"members_{key}"] = ["part", "patch"]
+    qualities = [quality for quality in QUALITIES if quality < model.quality] + [model.quality]
+    begin = dict.fromkeys(model.codes, 0)
+    for quality in qualities:
+        ends = shares(model.sparsity, quality / model.quality)
+        for key, codes in model.codes.items():
+            part = slice(begin[key], ends[key])
+            for name, array in (("positions", codes.positions), ("values", codes.values)):
+                if ends[key] > begin[key]:
+                    arrays[f"{name}_{key}_{quality}"] = array[part]
+                    axes[f"{name}_{key}_{quality}"] = ["coefficient", "patch"]
+        begin = ends
+    description = {
+        "kind": "btf",
+        "model": MODEL,
+        **_describe_ensemble(model.ensemble),
+        "size": [model.height, model.width],
+        "sparsity": model.sparsity,
+        "qualities": qualities,
+        "dataset": dict(model.dataset),
+        "fit": dict(model.fit),
+    }
+    write_arrays(path, arrays, axes, description)
+
+
+def load_sparse(path: str | os.PathLike[str], quality: int | None = None) -> SparseBtf:
+    """Read a model, or its `quality` (or the next lower one that the file has) of the coefficients.
+
+    A file that was cut short gives the highest quality that is whole. Raises NacreError when not
+    even the lowest is, and for what is not a sparse model.
+    """
+    arrays, description = read_arrays(path, partial=True)
+    if description.get("model") != MODEL:
+        raise NacreError(f"{path}: not a sparse model but {description.get('model')!r}")
+    try:
+        whole = _levels(arrays, description)
+        wanted = [q for q in whole if quality is None or q <= quality]
+        if whole and not wanted:
+            raise NacreError(f"{path}: its lowest quality is {whole[0]}, not {quality}")
+        codes = {key: _codes(arrays, key, wanted) for key in description["sparsity"]}
+        model = SparseBtf(
+            height=description["size"][0],
+            width=description["size"][1],
+            ensemble=_ensemble(arrays, description),
+            normalised=Normalisation(arrays["mean"], arrays["deviation"], description["offset"]),
+            codes=codes,
+            dataset=description["dataset"],
+            fit=description["fit"],
+            quality=wanted[-1],
+            complete=wanted[-1] == description["qualities"][-1],
+        )
+    except (LookupError, ValueError) as error:
+        raise NacreError(
+            f"{path}: cut short or damaged before its lowest quality; copy it or compress the "
+            "dataset again"
+        ) from error
+    return model
+
+
+def _levels(arrays: dict[str, NDArray[Any]], description: dict[str, Any]) -> list[int]:
+    """The qualities whose coefficients, and those of all lower ones, were found."""
+    expected = description["arrays"]
+    whole = []
+    for quality in description["qualities"]:
+        names = [
+            name
+            for name in expected
+            if name.startswith(("positions_", "values_")) and name.endswith(f"_{quality}")
+        ]
+        if any(name not in arrays for name in names):
+            break
+        whole.append(quality)
+    return whole
+
+
+def _codes(arrays: dict[str, NDArray[Any]], key: str, qualities: list[int]) -> Codes:
+    positions, values = (
+        np.concatenate(
+            [
+                arrays[f"{name}_{key}_{quality}"]
+                for quality in qualities
+                if f"{name}_{key}_{quality}" in arrays
+            ]
+        )
+        for name in ("positions", "values")
+    )
+    return Codes(positions, values, arrays[f"members_{key}"][0])
+
+
+def _describe_ensemble(ensemble: Ensemble) -> dict[str, Any]:
+    return {
+        "patch": list(ensemble.patch),
+        "light": ensemble.light.tolist(),
+        "view": ensemble.view.tolist(),
+        "parts": list(ensemble.dictionaries),
+        "offset": ensemble.offset,
+        "training": dict(ensemble.training),
+    }
+
+
+def _dictionary_arrays(
+    ensemble: Ensemble,
+) -> tuple[dict[str, NDArray[Any]], dict[str, list[str]]]:
+    arrays: dict[str, NDArray[Any]] = {}
+    axes = {}
+    for key, modes in ensemble.dictionaries.items():
+        for mode, matrices in zip(_MODES, modes, strict=False):
+            arrays[f"dictionaries_{key}_{mode}"] = matrices
+            axes[f"dictionaries_{key}_{mode}"] = ["dictionary", mode, "atom"]
+    return arrays, axes
+
+
+def _ensemble(arrays: dict[str, NDArray[Any]], description: dict[str, Any]) -> Ensemble:
+    dictionaries = {
+        key: tuple(
+            orthonormal(arrays[f"dictionaries_{key}_{mode}"])
+            for mode in _MODES[: 5 if len(key) > 1 else 4]
+        )
+        for key in description["parts"]
+    }
+    return Ensemble(
+        patch=(description["patch"][0], description["patch"][1]),
+        light=np.array(description["light"], np.float64),
+        view=np.array(description["view"], np.float64),
+        dictionaries=dictionaries,
+        offset=description["offset"],
+        training=description["training"],
+    )

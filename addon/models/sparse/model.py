@@ -1,0 +1,187 @@
+"""A BTF as sparse codes of its patches in an ensemble of dictionaries."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..clustered_tucker import Part, expand
+from .ensemble import Ensemble
+from .patches import tiling
+from .transform import CHANNELS, Normalisation
+
+COEFFICIENT_BYTES = 6
+"""A half for the value, four bytes for its position."""
+
+PATCH_BYTES = 4
+"""The dictionary of a patch in one part of the ensemble."""
+
+
+@dataclass(frozen=True)
+class Codes:
+    """Codes in one part of an ensemble.
+
+    positions, values (coefficients, patches), the largest coefficient of each patch first: position
+    is in C order of the ensemble's modes, unused values are 0. members (patches,): the dictionary.
+    """
+
+    positions: NDArray[np.uint32]
+    values: NDArray[np.float32]
+    members: NDArray[np.uint32]
+
+    def first(self, count: int) -> Codes:
+        """The `count` most important coefficients of each patch."""
+        return replace(self, positions=self.positions[:count], values=self.values[:count])
+
+
+@dataclass(frozen=True)
+class SparseBtf:
+    """A BTF of height x width texels.
+
+    codes     for each part of the ensemble; patches are side by side, row by row (`tiling`)
+    dataset   what the decoded samples are: light, view, channels, patch_size, periodic, source ...
+    fit       how it was made
+    quality   latent-equivalents N: codes take at most 2 N bytes a texel (SparseBTF(N) of the paper)
+    complete  whether these are all the coefficients that were kept
+    """
+
+    height: int
+    width: int
+    ensemble: Ensemble
+    normalised: Normalisation
+    codes: Mapping[str, Codes]
+    dataset: Mapping[str, Any]
+    fit: Mapping[str, Any] = field(default_factory=dict)
+    quality: int = 0
+    complete: bool = True
+    kind: str = "btf"
+    modes: tuple[str, ...] = ("light", "view", "y", "x")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The decoded samples' shape (light, view, y, x, channel)."""
+        lights, views = self.normalised.mean.shape
+        return (lights, views, self.height, self.width, len(CHANNELS))
+
+    @property
+    def channels(self) -> int:
+        """Colour channels."""
+        return len(CHANNELS)
+
+    @property
+    def sparsity(self) -> dict[str, int]:
+        """The most coefficients of a patch, in each part."""
+        return {key: len(codes.values) for key, codes in self.codes.items()}
+
+    @property
+    def code_bytes(self) -> int:
+        """Values, positions and membership as they are loaded."""
+        return sum(
+            codes.values.size * COEFFICIENT_BYTES + len(codes.members) * PATCH_BYTES
+            for codes in self.codes.values()
+        )
+
+    @cached_property
+    def _origins(self) -> NDArray[np.intp]:
+        return np.array(tiling(self.height, self.width, self.ensemble.patch))
+
+    def decode(
+        self,
+        light: Part = slice(None),
+        view: Part = slice(None),
+        y: Part = slice(None),
+        x: Part = slice(None),
+    ) -> NDArray[np.float32]:
+        """Linear samples (light, view, y, x, channel) of one block, float32, unclamped (Eq. 4)."""
+        parts = (light, view, y, x)
+        lights, views, ys, xs = (
+            np.arange(size)[part] for size, part in zip(self.shape[:4], parts, strict=True)
+        )
+        values = np.zeros((len(lights), len(views), len(ys), len(xs), len(CHANNELS)), np.float32)
+        tall, wide = self.ensemble.patch
+        for index, (first_y, first_x) in enumerate(self._origins):
+            in_y = np.flatnonzero((ys >= first_y) & (ys < first_y + tall))
+            in_x = np.flatnonzero((xs >= first_x) & (xs < first_x + wide))
+            if len(in_y) and len(in_x):
+                rows = (ys[in_y] - first_y, xs[in_x] - first_x, lights, views)
+                block = np.moveaxis(self._decode_patch(index, rows), (2, 3), (0, 1))
+                values[:, :, in_y[:, None], in_x] = block
+        return self.normalised.decode(values, lights, views)
+
+    def texel(self, light: int, view: int, y: int, x: int) -> NDArray[np.float32]:
+        """The colour (3,) of one texel for one light and view, from its patch's coefficients alone
+        (Eq. 5): what a shader computes."""
+        tall, wide = self.ensemble.patch
+        patch = y // tall * -(-self.width // wide) + x // wide
+        values = np.zeros(len(CHANNELS), np.float32)
+        for key, codes in self.codes.items():
+            dictionaries, member = self.ensemble.dictionaries[key], codes.members[patch]
+            places = np.unravel_index(codes.positions[:, patch], self._sizes(key))
+            product = codes.values[:, patch]
+            for row, place, matrices in zip(
+                (y % tall, x % wide, light, view), places, dictionaries, strict=False
+            ):
+                product = product * matrices[member, row, place]
+            if len(key) > 1:
+                values += dictionaries[-1][member][:, places[-1]] @ product
+            else:
+                values[CHANNELS.index(key)] = product.sum()
+        whole = values.reshape(1, 1, -1)
+        return self.normalised.decode(whole, np.array([light]), np.array([view]))[0, 0]
+
+    def _decode_patch(self, index: int, rows: tuple[NDArray[np.intp], ...]) -> NDArray[np.float32]:
+        """Normalised Y, U, V of some rows of each mode of a patch: (y, x, light, view, 3)."""
+        parts = []
+        for key, codes in self.codes.items():
+            dictionaries, member = self.ensemble.dictionaries[key], codes.members[index]
+            sizes = self._sizes(key)
+            sparse = np.zeros(prod(sizes), np.float32)
+            # Unused values are 0 at position 0, where there may be a coefficient.
+            np.add.at(sparse, codes.positions[:, index], codes.values[:, index])
+            factors = [
+                matrices[member][own]
+                for matrices, own in zip(dictionaries, (*rows, slice(None)), strict=False)
+            ]
+            found = expand(sparse.reshape(sizes), factors)
+            parts.append(found if len(key) > 1 else found[..., None])
+        return np.concatenate(parts, -1)
+
+    def _sizes(self, key: str) -> tuple[int, ...]:
+        """The atoms of each mode: as many as there are measured rows, also of resampled ones."""
+        return tuple(matrices.shape[2] for matrices in self.ensemble.dictionaries[key])
+
+    def truncated(self, quality: int) -> SparseBtf:
+        """The model with no more than `quality` latent-equivalents: the same share of every patch's
+        coefficients, the most important ones."""
+        if quality >= self.quality:
+            return self
+        counts = shares(self.sparsity, quality / self.quality)
+        codes = {key: own.first(counts[key]) for key, own in self.codes.items()}
+        return replace(self, codes=codes, quality=quality, complete=False)
+
+
+def shares(sparsity: Mapping[str, int], share: float) -> dict[str, int]:
+    """A share of each part's coefficients, at least one."""
+    return {key: max(1, int(count * share + 1e-9)) for key, count in sparsity.items()}
+
+
+def quality_of(sparsity: Mapping[str, int], patch: tuple[int, int]) -> int:
+    """Latent-equivalents N: the least for which codes take at most 2 N bytes a texel."""
+    size = COEFFICIENT_BYTES * sum(sparsity.values()) + PATCH_BYTES * len(sparsity)
+    return -(-size // (2 * prod(patch)))
+
+
+def sparsity_of(quality: int, keys: tuple[str, ...], patch: tuple[int, int]) -> dict[str, int]:
+    """The coefficients that take at most 2 N bytes a texel: eight for Y to one each for U and V,
+    the paper's proportion."""
+    room = (2 * quality * prod(patch) - PATCH_BYTES * len(keys)) / COEFFICIENT_BYTES
+    weights = {key: 8 if key == "Y" else 1 for key in keys}
+    return {
+        key: max(1, int(room * weight / sum(weights.values()))) for key, weight in weights.items()
+    }

@@ -1,0 +1,135 @@
+"""The verbs of sparse codes: train, compress --method sparse, info, decode, compare."""
+
+import json
+
+import numpy as np
+import pytest
+from small_btf import write_dataset
+
+from addon.cli import main
+from addon.datasets.dataset import open_dataset
+
+SHAPE = (6, 7, 8, 10, 3)
+SMALL = ["--patch", "4", "--dictionaries", "2", "--sweeps", "3", "--sparsity", "y=40,uv=8"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sparse")
+    for name in ("a", "b"):
+        write_dataset(folder / f"{name}.nacre", SHAPE)
+    write_dataset(folder / "more.nacre", (6, 8, 8, 10, 3))
+    names = [str(folder / name) for name in ("a.nacre", "b.nacre", "e.exr")]
+    assert main(["train", *names, *SMALL]) == 0
+    sparse = ["--method", "sparse", "--ensemble", names[2]]
+    assert main(["compress", names[0], str(folder / "m.exr"), *sparse]) == 0
+    return folder
+
+
+@pytest.fixture
+def run(folder, capsys):
+    def call(*arguments):
+        """Status, the JSON printed, and the line on standard error."""
+        names = [str(folder / a) if "." in a and "=" not in a else a for a in arguments]
+        status = main([*names, "--json"])
+        printed = capsys.readouterr()
+        result = json.loads(printed.out.splitlines()[-1]) if printed.out else None
+        return status, result, printed.err.strip()
+
+    return call
+
+
+def test_info_of_an_ensemble_and_a_model(run):
+    _, ensemble, _ = run("info", "e.exr")
+    assert ensemble["what"] == "ensemble" and ensemble["patch"] == [4, 4]
+    assert ensemble["dictionaries"] == {"Y": 2, "U": 2, "V": 2}
+    assert ensemble["materials"] == ["a", "b"]
+    _, model, _ = run("info", "m.exr")
+    assert model["method"] == "sparse" and model["quality"] == 64
+    assert model["shape"] == list(SHAPE) and "note" not in model
+    assert model["code_bytes"] <= 2 * 64 * 8 * 12
+
+
+def test_decode_at_qualities_and_directions(run, folder):
+    _, model, _ = run("info", "m.exr")
+    found = []
+    for quality in ("4", "16", "64"):
+        assert run("decode", "m.exr", "d.nacre", "--quality", quality)[0] == 0
+        found.append(run("compare", "a.nacre", "d.nacre")[1]["snr_db"])
+    assert found == sorted(found)
+    assert found[-1] == pytest.approx(model["snr_db"], abs=0.1)
+    assert run("compare", "a.nacre", "m.exr")[1]["snr_db"] == pytest.approx(found[-1], abs=0.01)
+    assert run("decode", "m.exr", "d.nacre", "--light", "1:3", "--y", "2:7")[0] == 0
+    assert open_dataset(folder / "d.nacre").shape == (2, 7, 5, 10, 3)
+    (folder / "some.csv").write_text("theta,phi\n0,0\n30,45\n")
+    for kernel in ("linear", "gaussian"):
+        status, _, _ = run(
+            "decode", "m.exr", "d.nacre", "--directions", "some.csv", "--kernel", kernel
+        )
+        assert status == 0
+        assert open_dataset(folder / "d.nacre").shape == (2, 2, 8, 10, 3)
+        assert np.isfinite(open_dataset(folder / "d.nacre").samples).all()
+
+
+def test_a_cut_file_is_named_by_its_quality(run, folder):
+    data = (folder / "m.exr").read_bytes()
+    (folder / "cut.exr").write_bytes(data[: int(0.8 * len(data))])
+    status, found, _ = run("info", "cut.exr")
+    assert status == 0 and f"quality {found['quality']}" in found["note"]
+    assert found["quality"] < 64 and "snr_db" not in found
+    assert run("decode", "cut.exr", "d.nacre")[0] == 0
+    (folder / "cut.exr").write_bytes(data[:2000])
+    status, _, line = run("info", "cut.exr")
+    assert status == 2 and "cut.exr" in line and "\n" not in line
+
+
+def test_the_fitting_ensemble_of_several_is_taken(run):
+    assert run("train", "more.nacre", "e2.exr", *SMALL)[0] == 0
+    several = ["--method", "sparse", "--ensemble", "e.exr", "--ensemble", "e2.exr"]
+    status, found, _ = run("compress", "more.nacre", "m2.exr", *several, "--sparsity", "y=9,uv=3")
+    assert status == 0 and found["sparsity"] == {"Y": 9, "U": 3, "V": 3}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["compress", "a.nacre", "x.exr", "--method", "sparse"], "--ensemble"),
+        (["compress", "a.nacre", "x.exr", "--ensemble", "e.exr"], "--method sparse"),
+        (["compress", "more.nacre", "x.exr", "--method", "sparse", "--ensemble", "e.exr"], "views"),
+        (
+            ["compress", "a.nacre", "x.exr", "--method", "sparse", "--ensemble", "a.nacre"],
+            "no ensemble",
+        ),
+        (
+            ["compress", "a.nacre", "x.exr", "--method", "sparse", "--ensemble", "e.exr"]
+            + ["--sparsity", "y=4"],
+            "uv=",
+        ),
+        (
+            ["compress", "a.nacre", "x.exr", "--method", "sparse", "--ensemble", "e.exr"]
+            + ["--sparsity", "y=0,uv=1"],
+            "Y=0",
+        ),
+        (
+            ["compress", "a.nacre", "x.exr", "--method", "sparse", "--ensemble", "e.exr"]
+            + ["--quality", "high"],
+            "--quality",
+        ),
+        (["train", "a.nacre", "b.nacre"], ".exr"),
+        (["train", "a.nacre", "more.nacre", "x.exr"], "directions"),
+        (["train", "a.nacre", "x.exr", "--patch", "9"], "do not fit"),
+        (["train", "a.nacre", "x.exr", "--sparsity", "y=1,w=2"], "expected"),
+        (["train", "none.nacre", "x.exr"], "none.nacre"),
+        (["decode", "m.exr", "x.nacre", "--quality", "0"], "1 or more"),
+        (["decode", "e.exr", "x.nacre"], "e.exr"),
+        (["verify", "m.exr"], "m.exr"),
+    ],
+)
+def test_mistakes_are_one_line(run, folder, arguments, word):
+    if arguments[0] == "verify":
+        pytest.importorskip("bpy")
+    before = {path.name for path in folder.iterdir()}
+    status, _, line = run(*arguments)
+    assert status == 2
+    assert word in line and "\n" not in line
+    assert {path.name for path in folder.iterdir()} == before
