@@ -42,7 +42,11 @@ from .snr import measure_snr
 from .steps import Progress, Steps
 
 _BRIGHTEST = 6.0
-"""Knees at which samples are cut for the first model."""
+"""Knees at which samples are cut for the first model: from one that has all of the highlights it
+takes several times as many rounds."""
+
+_EXACT = 1e-6
+"""The error at which nothing is left to be weighed."""
 
 _STEP = 1.6
 """Below 2, as for every gradient descent on a quadratic function of weights up to 1."""
@@ -87,6 +91,8 @@ def compress_by_lightness(
                 step = steps.step(_ROUNDS + 1 - number)
                 squared_norm, error = _aim(file, dataset.samples, model, knee, step)
                 errors.append(error)
+                if model is not None and error < _EXACT:
+                    break
                 # An N-SVD has no clusters to lose.
                 fresh = number in _FRESH or method == "nsvd"
                 start = None if model is None or fresh else (model, squared_norm)
@@ -111,7 +117,7 @@ def compress_by_lightness(
     said = {
         "weights": "lightness",
         "errors": errors[1:],
-        "iterations": _ROUNDS,
+        "iterations": len(errors),
         "passes": len(errors) + 1,
         "snr_db": round(snr_db, 4),
         "seconds": round(time.monotonic() - started, 3),
@@ -171,7 +177,7 @@ def _aim(
             error = float(np.vdot(wanted, off))
             energy = float(np.vdot(w * a, a))
             t = m + _STEP * wanted
-        np.clip(t, -largest, largest, out=t)
+        t = np.clip(t, -largest, largest)
         return t.astype(samples.dtype), np.array((np.vdot(t, t), error, energy), np.float64)
 
     sums = np.zeros(3)
