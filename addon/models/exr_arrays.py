@@ -2,8 +2,8 @@
 
 An array of shape (a, ..., z) is one single-channel part, width z, height a * ..., HALF scaled to
 peak 1 or UINT. The description is JSON in the string attribute `nacre`. It begins with a CRC-32 of
-the whole file, because the OpenEXR library reads what it finds of a file cut short. Each array, and
-the description, has a CRC-32 of its own as well, for what can be used of such a file.
+the whole file, because the OpenEXR library reads what it finds of a file cut short. Where
+the first arrays of such a file are of use, each array and the description have their own as well.
 """
 
 from __future__ import annotations
@@ -42,8 +42,11 @@ def write_arrays(
     arrays: Mapping[str, NDArray[Any]],
     axes: Mapping[str, list[str]],
     description: Mapping[str, object],
+    partial: bool = False,
 ) -> None:
     """Write named arrays and their description to `path`, through a temporary name.
+
+    With `partial`, so that the first ones can be read of a file that is cut short.
 
     Raises NacreError when the file cannot be written; then an older one is untouched.
     """
@@ -60,11 +63,13 @@ def write_arrays(
             "shape": list(array.shape),
             "axes": axes[name],
             "scale": scale,
-            "crc32": zlib.crc32(images[name].tobytes()),
         }
+        if partial:
+            entries[name]["crc32"] = _checksum_of(images[name].tobytes())
     seal = {"crc32": _UNSEALED.decode(), "nacre": VERSION}
     described = {**description, "arrays": entries}
-    seal["description_crc32"] = _description_checksum(described)
+    if partial:
+        seal["description_crc32"] = _description_checksum(described)
     text = json.dumps({**seal, **described}, allow_nan=False)
     temporary = path.with_name(f".{path.stem}-{secrets.token_hex(4)}.exr")
     try:
@@ -255,12 +260,17 @@ def _intact_images(
     return {
         name: images[name]
         for name, entry in described["arrays"].items()
-        if name in images and zlib.crc32(images[name].tobytes()) == entry["crc32"]
+        if name in images and _checksum_of(images[name].tobytes()) == entry["crc32"]
     }
 
 
-def _description_checksum(described: Mapping[str, Any]) -> int:
-    return zlib.crc32(json.dumps(described).encode())
+def _description_checksum(described: Mapping[str, Any]) -> str:
+    return _checksum_of(json.dumps(described).encode())
+
+
+def _checksum_of(content: bytes) -> str:
+    """Always eight digits: the size of a file must not depend on what its checksums are."""
+    return f"{zlib.crc32(content):08x}"
 
 
 def _damaged(path: str | os.PathLike[str]) -> NacreError:

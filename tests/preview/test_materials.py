@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import addon
+from addon.nodes.kept_world import KeptWorld
 from addon.nodes.material import (
     group_of,
     material_from_tables,
@@ -108,7 +109,8 @@ def test_a_world_lights_as_in_eevee(name: str, smooth_tables: Callable[..., Tabl
         ball.location = (1.2, 0.0, 3.0)
         add_camera(scene, (0.0, 0.0), 4.6)
         world, mapping = studio()
-        set_environment(material, [table_of(tables, studio_radiance())], world.name, mapping.name)
+        kept = KeptWorld(studio_radiance(), world.name, mapping.name)
+        set_environment(material, [table_of(tables, kept.radiance)], kept)
         before, shown = ours(scene), appearance_of(material).world
         mapping.inputs["Rotation"].default_value = (0.4, -0.2, 2.0)
         world.update_tag()
@@ -176,7 +178,8 @@ def test_keys_turn_the_world(smooth_tables: Callable[..., Tables]) -> None:
         add_camera(scene, (20.0, 250.0), 0.5)
         scene.render.engine = "NACRE"
         world, mapping = studio()
-        set_environment(material, [table_of(tables, radiance)], world.name, mapping.name)
+        kept = KeptWorld(radiance, world.name, mapping.name)
+        set_environment(material, [table_of(tables, radiance)], kept)
         pictures = {}
         for turn in (0.0, 1.5):
             mapping.inputs["Rotation"].default_value = turn, 0.0, 0.0
@@ -200,15 +203,15 @@ def test_a_world_that_is_read_again_is_shown(smooth_tables: Callable[..., Tables
         material = material_from_tables(tables, "Test")
         add_mesh(scene, "plane", material)
         add_camera(scene, (20.0, 250.0), 0.5)
-        set_environment(material, [table_of(tables, radiance)])
+        set_environment(material, [table_of(tables, radiance)], KeptWorld(radiance))
         image = stored_environment(group_of(material)).atlas.image
         before = ours(scene)
         for other in (2.0 * radiance, radiance[:, ::-1]):
-            set_environment(material, [table_of(tables, other)])
+            set_environment(material, [table_of(tables, other)], KeptWorld(other))
             assert stored_environment(group_of(material)).atlas.image == image
             ratio = ours(scene).mean() / before.mean()
             assert ratio == pytest.approx(2.0, rel=1e-3) if other.max() > 1.0 else ratio != 1.0
-        set_environment(material, [None])
+        set_environment(material, [None], None)
         assert ours(scene).max() == 0.0
 
 

@@ -77,7 +77,7 @@ def save_sparse(model: SparseBtf, path: str | os.PathLike[str]) -> None:
         "dataset": dict(model.dataset),
         "fit": dict(model.fit),
     }
-    write_arrays(path, arrays, axes, description)
+    write_arrays(path, arrays, axes, description, partial=True)
 
 
 def load_sparse(path: str | os.PathLike[str], quality: int | None = None) -> SparseBtf:
