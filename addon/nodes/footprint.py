@@ -18,6 +18,8 @@ from .graph import Graph, Wire
 NAME = "Nacre Level"
 _STEPS = 16.0
 """Pixels that differences are taken over: the square's rounding is then 1/1000 of a pixel."""
+_FAR = 64.0
+"""More levels than any texture has."""
 
 
 def level_group() -> bpy.types.ShaderNodeTree:
@@ -46,7 +48,9 @@ def level_group() -> bpy.types.ShaderNodeTree:
         squares.append(g.math("MULTIPLY_ADD", u, u, v * v))
     longer = g.math("MAXIMUM", *squares) / g.math("MAXIMUM", area * area, 1e-30)
     logarithm = g.math("LOGARITHM", g.math("MAXIMUM", longer, 1e-12), 2.0)
-    g.node("NodeGroupOutput", logarithm * 0.5)
+    # A ray to a light has no pixel; what Cycles takes for its gradients there means nothing.
+    to_light = g.wire(g.node("ShaderNodeLightPath"), "Is Shadow Ray")
+    g.node("NodeGroupOutput", g.math("MULTIPLY_ADD", to_light, -_FAR, logarithm * 0.5))
     return tree
 
 

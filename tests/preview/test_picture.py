@@ -224,7 +224,6 @@ def test_occlusion_blends_with_what_is_behind(random_tables):
         np.testing.assert_allclose(seen[28], (1, 1, 1), atol=0.01)
 
 
-@pytest.mark.xfail(reason="off since nodes choose levels in the distance; cause not known")
 @pytest.mark.parametrize("kind", ["SUN", "POINT"])
 def test_light_through_holes_is_that_of_cycles(kind, random_tables, smooth_tables):
     """A net over a plane: black, so that only its shadow is lit."""
