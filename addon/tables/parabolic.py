@@ -20,12 +20,18 @@ def texel_directions(size: int) -> NDArray[np.float64]:
     return np.concatenate([2.0 * p, 1.0 - square], -1) / (1.0 + square)
 
 
-def texel_of(directions: NDArray[np.floating], size: int) -> NDArray[np.intp]:
-    """The texel (..., 2) as (column, row) nearest to unit directions (..., 3).
+def place_of(directions: NDArray[np.floating], size: int) -> NDArray[np.floating]:
+    """Where unit directions (..., 3) lie on a map, (..., 2) as (column, row); texels' centres are
+    whole numbers.
 
     Directions below the horizon go to the rim, so that a silhouette has no holes.
     """
     xy, z = directions[..., :2], directions[..., 2:]
     reach = np.linalg.norm(xy, axis=-1, keepdims=True)
     p = xy / np.maximum(np.maximum(1.0 + z, reach), 1e-6)
-    return np.floor(p * (size // 2 - 1) + (size // 2 + 0.5)).astype(np.intp)
+    return p * (size // 2 - 1) + size // 2
+
+
+def texel_of(directions: NDArray[np.floating], size: int) -> NDArray[np.intp]:
+    """The texel (..., 2) as (column, row) nearest to unit directions (..., 3), see `place_of`."""
+    return np.floor(place_of(directions, size) + 0.5).astype(np.intp)

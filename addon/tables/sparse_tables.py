@@ -1,0 +1,194 @@
+"""Tables of a sparse model (SparseBTF): what its evaluators read.
+
+With the coefficients j of the patch that a texel (y, x) lies in, for a light and a view direction,
+
+    part(y, x, light, view) = sum over j of  value_j * texels[t_j, y, x] * light[l_j] * view[v_j]
+
+for each of the parts Y, U and V (Eq. 5), with rows of light and view read between the texels of
+parabolic maps: interpolation in coefficient space (Eq. 6). The part times the images' deviation
+plus their mean, both sums of products of maps as well, is Y, U or V of the logarithm of the colour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import prod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..models.interpolation import lowest
+from ..models.sparse.interpolation import weights
+from ..models.sparse.model import Codes, SparseBtf
+from ..models.sparse.transform import CHANNELS
+from .parabolic import texel_directions
+from .tables import quads
+
+Maps = NDArray[np.float32]
+
+SIZE = 64
+"""Texels along a direction map: rows are smooth between measured directions, and maps filtered."""
+
+_IMAGES_ERROR = 1e-4
+"""Of means and deviations, against their largest."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """One of Y, U and V; all float32.
+
+    coefficients (count, patches up, patches across, 4): value, and the rows of texels, light and
+                 view that it multiplies; of each patch the largest first, then zeros
+    texels       (rows, patch height, patch width): products of columns of the y and x matrices
+    light, view  (rows, N, N): columns of their matrices by parabolic texel, row = y
+    """
+
+    coefficients: NDArray[np.float32]
+    texels: NDArray[np.float32]
+    light: Maps
+    view: Maps
+
+
+@dataclass(frozen=True)
+class Product:
+    """A table (light, view) as a sum of products of maps: light, view (quads, N, N, 4) float32."""
+
+    light: Maps
+    view: Maps
+
+
+@dataclass(frozen=True)
+class SparseTables:
+    """What an evaluator reads of one sparse model of height x width texels.
+
+    parts   of "Y", "U" and "V"
+    lowest  cosine of the lowest measured light: lower ones fade by cos / lowest (horizon_fade)
+    offset  of the logarithm
+    """
+
+    parts: dict[str, Part]
+    mean: Product
+    deviation: Product
+    lowest: float
+    offset: float
+    height: int
+    width: int
+
+    @property
+    def size(self) -> int:
+        """Texels along a parabolic map."""
+        return self.mean.light.shape[1]
+
+    @property
+    def patch(self) -> tuple[int, int]:
+        """Height and width of a patch in texels."""
+        height, width = next(iter(self.parts.values())).texels.shape[1:]
+        return height, width
+
+    @property
+    def fetches(self) -> dict[str, int]:
+        """Texels read for one light at one texel; of maps, filtered ones."""
+        counts = sum(len(part.coefficients) for part in self.parts.values())
+        images = len(self.mean.light) + len(self.deviation.light)
+        return {
+            "coefficients": counts,
+            "texels": counts,
+            "light": counts + images,
+            "view": counts + images,
+        }
+
+
+def build_sparse_tables(
+    model: SparseBtf,
+    size: int = SIZE,
+    kernel: str = "linear",
+    progress: Callable[[float, str], bool] | None = None,
+) -> SparseTables:
+    """Resample a model's light and view matrices to direction maps of `size` by a kernel of
+    models.sparse.interpolation. Raises Cancelled on request."""
+    directions = texel_directions(size).reshape(-1, 3)
+    by_light = weights(model.ensemble.light, directions, kernel)
+    by_view = weights(model.ensemble.view, directions, kernel)
+
+    def maps(by: NDArray[np.float32], columns: NDArray[np.floating]) -> Maps:
+        return np.ascontiguousarray((by @ columns).T, np.float32).reshape(-1, size, size)
+
+    tall, wide = model.ensemble.patch
+    parts = {}
+    for key in CHANNELS:
+        codes, (ys, xs, lights, views) = _channel(model, key)
+        sizes = [own.shape[2] for own in (ys, xs, lights, views)]
+        places = np.unravel_index(codes.positions, sizes)
+        member = codes.members[None]
+        numbers = (places[0] * sizes[1] + places[1], places[2], places[3])
+        counts = (sizes[0] * sizes[1], sizes[2], sizes[3])
+        used = [
+            _Used.of(member * count + number, codes.values != 0, count)
+            for number, count in zip(numbers, counts, strict=True)
+        ]
+        texels = [
+            np.outer(ys[k][:, a // sizes[1]], xs[k][:, a % sizes[1]]) for k, a in used[0].atoms
+        ]
+        coefficients = np.empty((*codes.values.shape, 4), np.float32)
+        coefficients[..., 0] = codes.values
+        for column, one in enumerate(used, 1):
+            coefficients[..., column] = one.rows
+        across = -(-model.width // wide)
+        parts[key] = Part(
+            coefficients=np.ascontiguousarray(
+                coefficients.reshape(len(coefficients), -1, across, 4)
+            ),
+            texels=np.array(texels, np.float32).reshape(-1, tall, wide),
+            light=maps(by_light, np.stack([lights[k][:, a] for k, a in used[1].atoms], 1)),
+            view=maps(by_view, np.stack([views[k][:, a] for k, a in used[2].atoms], 1)),
+        )
+    images = []
+    for table in (model.normalised.mean, model.normalised.deviation):
+        left, singular, right = np.linalg.svd(table.astype(np.float64), full_matrices=False)
+        count = max(1, int(np.sum(singular > _IMAGES_ERROR * np.abs(table).max())))
+        light = maps(by_light, left[:, :count] * singular[:count])
+        view = maps(by_view, right[:count].T)
+        images.append(Product(*(_quads_of(own) for own in (light, view))))
+    return SparseTables(
+        parts=parts,
+        mean=images[0],
+        deviation=images[1],
+        lowest=lowest(np.asarray(model.ensemble.light)),
+        offset=model.normalised.offset,
+        height=model.height,
+        width=model.width,
+    )
+
+
+@dataclass(frozen=True)
+class _Used:
+    """The atoms of one mode that any coefficient uses."""
+
+    atoms: list[tuple[int, int]]  # dictionary and column
+    rows: NDArray[np.intp]  # of each coefficient: its atom's number
+
+    @classmethod
+    def of(cls, numbers: NDArray[np.integer], nonzero: NDArray[np.bool_], size: int) -> _Used:
+        found = np.unique(numbers[nonzero]) if nonzero.any() else np.zeros(1, np.intp)
+        rows = np.where(nonzero, np.searchsorted(found, numbers), 0)
+        return cls([divmod(int(number), size) for number in found], rows)
+
+
+def _channel(model: SparseBtf, key: str) -> tuple[Codes, tuple[NDArray[np.float32], ...]]:
+    """The codes of one of Y, U, V, and the dictionaries y, x, light, view that they are in."""
+    if key in model.codes:
+        return model.codes[key], tuple(model.ensemble.dictionaries[key])
+    # One part for all channels: its fifth mode gives each coefficient a share in each channel.
+    codes = model.codes[CHANNELS]
+    *matrices, colour = model.ensemble.dictionaries[CHANNELS]
+    sizes = [own.shape[2] for own in matrices]
+    positions, colours = np.divmod(codes.positions, colour.shape[2])
+    assert positions.max(initial=0) < prod(sizes)
+    share = colour[codes.members[None], CHANNELS.index(key), colours]
+    return Codes(positions, codes.values * share, codes.members), tuple(matrices)
+
+
+def _quads_of(maps: Maps) -> Maps:
+    """(rows, N, N) as (quads, N, N, 4)."""
+    return np.ascontiguousarray(np.moveaxis(quads(np.moveaxis(maps, 0, -1)), -2, 0))
