@@ -27,9 +27,10 @@ from .packed_environment import (
     stored_environment,
 )
 from .packed_sparse import PackedSparse
-from .packed_tables import HOLDER, Packed, is_holder, store, stored
+from .packed_tables import HOLDER, Packed, is_holder, is_sparse, store, stored
 from .packed_tensor import PackedTensor
 from .sparse_evaluation import SparseEvaluation, colour_of, nearest_texel
+from .sparse_script import SparseScript, follow_files
 from .texel_group import make_texel_group
 from .turning import follow_world, turned
 
@@ -40,6 +41,10 @@ SOCKETS = (
     ("Bitangent", "Unit vector of the surface on the side of +v, in the world"),
     ("Normal", "Unit normal of the surface, in the world"),
 )
+OUTPUTS = (
+    ("Value", "Linear radiance of the material under all lights"),
+    ("Cycles", "The same as Cycles can evaluate it: of a sparse model, by a script"),
+)
 _TEXEL = f"{HOLDER}Texel"
 _LIGHTS = "Lights"
 _PARTED = "nacre_parted_from"
@@ -49,14 +54,12 @@ _SCALE = "World Scale"
 def make_model_group(
     name: str, packed: Packed, lights: bpy.types.ShaderNodeTree | None
 ) -> bpy.types.ShaderNodeTree:
-    """A group with inputs SOCKETS and the output Value: linear radiance under all lights of a light
-    set, that of the material clamped at 0 for each."""
+    """A group with inputs SOCKETS and OUTPUTS: linear radiance under all lights of a light set,
+    that of the material clamped at 0 for each."""
     tree = bpy.data.node_groups.new(name, "ShaderNodeTree")
     for label, tip in SOCKETS:
         socket = tree.interface.new_socket(label, in_out="INPUT", socket_type="NodeSocketVector")
         socket.description = tip
-    output = tree.interface.new_socket("Value", in_out="OUTPUT", socket_type="NodeSocketColor")
-    output.description = "Linear radiance of the material under all lights"
     show_tables(tree, packed, lights)
     return tree
 
@@ -67,6 +70,12 @@ def show_tables(
     lights: bpy.types.ShaderNodeTree | None,
 ) -> None:
     """Let a group show other tables; its sockets, and so all links to it, stay."""
+    for label, tip in OUTPUTS:
+        if label not in tree.interface.items_tree:
+            socket = tree.interface.new_socket(
+                label, in_out="OUTPUT", socket_type="NodeSocketColor"
+            )
+            socket.description = tip
     holder = tree.nodes.get(_TEXEL)
     if holder is not None:
         bpy.data.node_groups.remove(holder.node_tree)
@@ -140,6 +149,12 @@ def follow_turned_world(tree: bpy.types.ShaderNodeTree) -> None:
         follow_world(world, mapping, here)
 
 
+def follow_scripts(tree: bpy.types.ShaderNodeTree) -> None:
+    """Write the files that a group's scripts read where this session has not yet."""
+    if is_sparse(tree):
+        follow_files(tree, stored(tree))
+
+
 def lights_of(tree: bpy.types.ShaderNodeTree) -> bpy.types.ShaderNodeTree | None:
     """The light set that a group shows."""
     node = tree.nodes.get(_LIGHTS)
@@ -174,10 +189,11 @@ def _write(
         outputs = [Wire(g, output) for output in node.outputs]
         directions, radiances = outputs[::2], outputs[1::2]
     if isinstance(packed, PackedSparse):
-        total = _lit_sparse(g, packed, uv, view, frame, directions, radiances)
+        values = _lit_sparse(g, packed, uv, view, frame, directions, radiances)
     else:
         total = _lit_tensor(g, packed, uv, view, frame, directions, radiances)
-    g.node("NodeGroupOutput", total)
+        values = [total, total]
+    g.node("NodeGroupOutput", *values)
 
 
 def _lit_tensor(
@@ -221,19 +237,23 @@ def _lit_sparse(
     frame: list[Wire],
     directions: list[Wire],
     radiances: list[Wire],
-) -> Wire:
-    """The radiance under all lights."""
-    total = g.combine(0.0, 0.0, 0.0)
+) -> list[Wire]:
+    """The radiance under all lights for each of OUTPUTS."""
+    black = g.combine(0.0, 0.0, 0.0)
     if not directions:
-        return total
+        return [black, black]
     shapes = packed.shapes
     lights = [in_frame(g, direction, frame) for direction in directions]
     texel = nearest_texel(g, uv, shapes.height, shapes.width, stored_coordinates(g.tree))
-    values = SparseEvaluation(g, packed, texel, view).log_values(g, lights)
-    for own, light, radiance in zip(values, lights, radiances, strict=True):
-        colour = colour_of(g, own, shapes.offset, shapes.lowest, light)
-        total = total + g.operate("MULTIPLY", colour, radiance)
-    return total
+    found = []
+    for evaluator in (SparseEvaluation, SparseScript):
+        total = black
+        values = evaluator(g, packed, texel, view).log_values(g, lights)
+        for own, light, radiance in zip(values, lights, radiances, strict=True):
+            colour = colour_of(g, own, shapes.offset, shapes.lowest, light)
+            total = total + g.operate("MULTIPLY", colour, radiance)
+        found.append(total)
+    return found
 
 
 def in_frame(g: Graph, direction: Wire, frame: list[Wire]) -> Wire:
