@@ -25,7 +25,7 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
         from ..datasets.occlusion import MAPPINGS
         from ..models.any_model import load_any
         from ..nodes.kept_world import environment_for, kept_world
-        from ..tables.any_tables import build_any_tables
+        from ..nodes.node_tables import build_node_tables
 
         self._material = context.object.active_material
         files = self._material.nacre
@@ -46,7 +46,7 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
                 wanted = "occlusion" if part == "occlusion" else "btf"
                 if model.kind != wanted:
                     raise NacreError(f"{path}: a model of {model.kind}; expected one of {wanted}")
-                tables = build_any_tables(model, progress=share(number))
+                tables = build_node_tables(model, progress=share(number))
                 if part == "occlusion":
                     mapping = MAPPINGS.get(model.dataset.get("value", ""), MAPPINGS["mask"])
                     found[part] = tables, mapping
