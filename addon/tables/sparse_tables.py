@@ -23,7 +23,7 @@ from ..models.sparse.interpolation import weights
 from ..models.sparse.model import Codes, SparseBtf
 from ..models.sparse.transform import CHANNELS
 from .parabolic import texel_directions
-from .tables import quads
+from .tables import Tables, quads
 
 Maps = NDArray[np.float32]
 
@@ -65,6 +65,7 @@ class SparseTables:
     parts   of "Y", "U" and "V"
     lowest  cosine of the lowest measured light: lower ones fade by cos / lowest (horizon_fade)
     offset  of the logarithm
+    stand_in  tables of a tensor model that shaders show which cannot loop over coefficients
     """
 
     parts: dict[str, Part]
@@ -74,6 +75,7 @@ class SparseTables:
     offset: float
     height: int
     width: int
+    stand_in: Tables | None = None
 
     @property
     def size(self) -> int:
