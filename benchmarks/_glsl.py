@@ -168,7 +168,7 @@ class Screen:
             for name, texture in self.textures.textures.items():
                 shader.uniform_sampler(f"BTF_{name}", texture)
             with suppress(ValueError):  # not used by this main
-                shader.uniform_float("BTF_scale", self.textures.scale)
+                shader.uniform_float("BTF_scale", self.textures.numbers["scale"])
             for name, buffer in buffers.items():
                 with suppress(ValueError):
                     shader.uniform_block(name, buffer)

@@ -286,7 +286,8 @@ def _bind_tables(
         shader.uniform_float(f"{name}_world_scale", uploaded.core_scale * table.scale)
     for texture, held in textures.items():
         shader.uniform_sampler(f"{name}_{texture}", held)
-    shader.uniform_float(f"{name}_scale", uploaded.scale)
+    for number, value in uploaded.numbers.items():
+        shader.uniform_float(f"{name}_{number}", value)
 
 
 def _uploaded(resources: Resources, held: object, upload: Callable[[Any], Any]) -> Any:

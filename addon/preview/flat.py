@@ -8,6 +8,8 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
+from ..tables.sparse_layout import SparseLayout, sparse_layout
+from ..tables.sparse_tables import SparseTables
 from ..tables.tables import Tables
 from .context import need_gpu
 from .shader import FULL_SCREEN, compile_info, constants, let_go, read_tables, start_info
@@ -30,19 +32,21 @@ void main()
 class FlatEvaluator:
     """One model's textures and the shader that evaluates them for a light and a view at a time."""
 
-    def __init__(self, tables: Tables, coordinates: NDArray[np.integer] | None = None) -> None:
+    def __init__(self, tables: Tables | SparseTables, coordinates: NDArray[np.integer] | None = None) -> None:
         """`coordinates` (H, W, 2) is a map that lays the patch anew.
 
         Raises NacreError where there is no GPU, or tables do not fit its textures.
         """
         need_gpu()
-        self.tables = tables
-        uploaded = upload(tables)
-        self.scale, self.textures = uploaded.scale, uploaded.textures
+        held = sparse_layout(tables) if isinstance(tables, SparseTables) else tables
+        uploaded = upload(held)
+        self.numbers, self.textures = uploaded.numbers, uploaded.textures
+        self.lit, self.size = held.light is not None, (held.width, held.height)
         if coordinates is not None:
             self.textures = {**self.textures, **upload_coordinates(coordinates).textures}
         info, source = start_info()
-        text, _ = read_tables(info, "BTF", constants(tables, coordinates=coordinates), 0)
+        shape = constants(held, coordinates=coordinates)
+        text, _ = read_tables(info, "BTF", shape, 0)
         info.vertex_in(0, "VEC2", "position")
         info.push_constant("VEC4", "nacre_place")
         info.push_constant("VEC3", "nacre_light")
@@ -66,8 +70,7 @@ class FlatEvaluator:
         """Values (height, width, 3) for unit directions (3,), y upward; of occlusion three times
         the same. `size` is (width, height), the patch's own when not given; `patches` are seen
         along the width and height from `offset` on."""
-        height, width = self.tables.core.shape[4:6]
-        width, height = size or (width, height)
+        width, height = size or self.size
         screen = gpu.types.GPUOffScreen(width, height, format="RGBA32F")
         try:
             with screen.bind():
@@ -92,8 +95,9 @@ class FlatEvaluator:
         shader.bind()
         for name, texture in self.textures.items():
             shader.uniform_sampler(f"BTF_{name}", texture)
-        shader.uniform_float("BTF_scale", self.scale)
-        if self.tables.light is not None:
+        for name, number in self.numbers.items():
+            shader.uniform_float(f"BTF_{name}", number)
+        if self.lit:
             shader.uniform_float("nacre_light", tuple(map(float, light)))
         shader.uniform_float("nacre_view", tuple(map(float, view)))
         shader.uniform_float("nacre_place", place)
