@@ -8,12 +8,10 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
-from ..tables.sparse_layout import SparseLayout, sparse_layout
-from ..tables.sparse_tables import SparseTables
-from ..tables.tables import Tables
+from ..tables.any_tables import AnyTables
 from .context import need_gpu
 from .shader import FULL_SCREEN, compile_info, constants, let_go, read_tables, start_info
-from .textures import upload, upload_coordinates
+from .textures import laid_out, upload, upload_coordinates
 
 _MAIN = """
 void main()
@@ -32,13 +30,13 @@ void main()
 class FlatEvaluator:
     """One model's textures and the shader that evaluates them for a light and a view at a time."""
 
-    def __init__(self, tables: Tables | SparseTables, coordinates: NDArray[np.integer] | None = None) -> None:
+    def __init__(self, tables: AnyTables, coordinates: NDArray[np.integer] | None = None) -> None:
         """`coordinates` (H, W, 2) is a map that lays the patch anew.
 
         Raises NacreError where there is no GPU, or tables do not fit its textures.
         """
         need_gpu()
-        held = sparse_layout(tables) if isinstance(tables, SparseTables) else tables
+        held = laid_out(tables)
         uploaded = upload(held)
         self.numbers, self.textures = uploaded.numbers, uploaded.textures
         self.lit, self.size = held.light is not None, (held.width, held.height)

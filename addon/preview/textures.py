@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from ..errors import NacreError
 from ..tables.levels import layers_of_levels
-from ..tables.sparse_layout import SparseLayout
+from ..tables.sparse_layout import SparseLayout, sparse_layout
 
 if TYPE_CHECKING:  # models need the compiled packages, and the engine registers without
+    from ..tables.any_tables import AnyTables
     from ..tables.environment import EnvironmentTable
     from ..tables.tables import Tables
 
@@ -61,6 +62,13 @@ def filter_in_hardware(texture: gpu.types.GPUTexture) -> None:
 def core_tiles(blocks: int) -> int:
     """Core blocks side by side in one layer, where there are more of them than layers."""
     return -(-blocks // LAYERS)
+
+
+def laid_out(tables: AnyTables) -> Tables | SparseLayout:
+    """Tables as `upload` takes them, made once and not for each picture."""
+    from ..tables.sparse_tables import SparseTables
+
+    return sparse_layout(tables) if isinstance(tables, SparseTables) else tables
 
 
 def upload(tables: Tables | SparseLayout) -> TableTextures:

@@ -161,9 +161,7 @@ def _levels(patch: tuple[int, int]) -> tuple[tuple[int, int], ...]:
     return tuple(sizes)
 
 
-def _texels(
-    rows: NDArray[np.float32], levels: tuple[tuple[int, int], ...]
-) -> NDArray[np.float32]:
+def _texels(rows: NDArray[np.float32], levels: tuple[tuple[int, int], ...]) -> NDArray[np.float32]:
     """Rows (n, h, w) as quads (n / 4, texels of all levels, 4)."""
     found = [rows.reshape(len(rows), -1)]
     for size in levels[1:]:

@@ -1,0 +1,168 @@
+"""sparse.glsl against the same tables on the CPU."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import bpy
+import numpy as np
+import pytest
+
+pytest.importorskip("nacre_native")
+
+from addon.datasets.directions import spherical_to_unit
+from addon.preview import textures
+from addon.preview.appearance import Appearance
+from addon.preview.flat import FlatEvaluator
+from addon.preview.picture import camera_picture
+from addon.preview.shader import constants
+from addon.preview.textures import laid_out
+from addon.render.stage import add_camera, add_mesh, add_sun, new_scene
+from addon.tables.sparse_evaluate import evaluate_sparse_patch, evaluate_sparse_points
+from addon.tables.sparse_tables import SparseTables
+from benchmarks._sparse_tables import random_sparse_tables
+
+pytestmark = pytest.mark.usefixtures("need_gpu")
+
+PAIRS = [((0, 0), (0, 0)), ((31, 47), (12, 250)), ((63, 201), (45, 300)), ((81, 5), (70, 100))]
+SHAPES = {
+    "plain": {},
+    "rows of one quad": {"rows": (1, 2, 3)},
+    "patches over the edges": {"texels": (10, 13), "patch": (4, 4)},
+    "more rows than layers": {"rows": (3, 8300, 8300), "counts": (90, 2, 2), "size": 8},
+}
+
+
+@pytest.fixture(params=SHAPES, ids=SHAPES)
+def tables(request) -> SparseTables:
+    return random_sparse_tables(**SHAPES[request.param])
+
+
+def directions(pair):
+    return tuple(spherical_to_unit([theta], [phi]) for theta, phi in pair)
+
+
+def relative(seen, expected):
+    return np.abs(seen - expected).mean() / np.abs(expected).mean()
+
+
+def test_patch_is_that_of_the_cpu(tables):
+    evaluator = FlatEvaluator(tables)
+    for pair in PAIRS:
+        light, view = directions(pair)
+        expected = evaluate_sparse_patch(tables, light, view)[0]
+        assert expected.std() > 0.1 * expected.mean()
+        assert relative(evaluator.picture(light[0], view[0]), expected) < 5e-3
+
+
+def test_magnified_and_across_the_seam():
+    """The nearest texel, from outside the material."""
+    tables = random_sparse_tables()
+    width, height, offset = 37, 41, (-1.3, 0.2)
+    y, x = np.mgrid[:height, :width]
+    uv = np.stack([(x + 0.5) / width + offset[0], (y + 0.5) / height + offset[1]], -1)
+    light, view = directions(PAIRS[1])
+    seen = FlatEvaluator(tables).picture(light[0], view[0], (width, height), offset=offset)
+    lights, views = (np.repeat(own, width * height, 0) for own in (light, view))
+    expected = evaluate_sparse_points(tables, lights, views, uv.reshape(-1, 2))
+    assert relative(seen, expected.reshape(seen.shape)) < 5e-3
+
+
+def test_four_taps_by_hand_are_the_hardware_filter(monkeypatch):
+    tables = random_sparse_tables()
+    light, view = directions(PAIRS[2])
+    for module in ("textures", "shader"):
+        monkeypatch.setattr(f"addon.preview.{module}.can_filter", lambda: False)
+    seen = FlatEvaluator(tables).picture(light[0], view[0])
+    assert relative(seen, evaluate_sparse_patch(tables, light, view)[0]) < 5e-3
+
+
+def test_light_fades_below_the_lowest_measured_one():
+    tables = random_sparse_tables()
+    evaluator = FlatEvaluator(tables)
+    (light, view), low = directions(PAIRS[0]), spherical_to_unit([85.0], [30.0])
+    expected = evaluate_sparse_patch(tables, low, view)[0]
+    assert relative(evaluator.picture(low[0], view[0]), expected) < 5e-3
+    below = evaluator.picture(np.array([0.8, 0.0, -0.6]), view[0])
+    np.testing.assert_array_equal(below, 0.0)
+    assert evaluator.picture(light[0], view[0]).min() >= 0.0
+
+
+def test_models_of_about_one_size_share_a_shader():
+    shapes = [constants(laid_out(random_sparse_tables(seed=seed))) for seed in (0, 1)]
+    assert shapes[0] == shapes[1]
+    assert shapes[0] != constants(laid_out(random_sparse_tables(texels=(16, 20))))
+
+
+def test_bytes_are_those_of_the_textures():
+    layout = laid_out(random_sparse_tables())
+    halves = (layout.coefficients, layout.texels, layout.light, layout.view)
+    expected = 2 * sum(own.size for own in halves) + 4 * layout.lists.size
+    assert textures.upload(layout).bytes == expected
+
+
+def test_far_away_every_pixel_is_the_mean_of_the_logarithms():
+    """Of the patch, whatever the offset, and also where the material repeats."""
+    # A small offset: nothing is clamped.
+    tables = replace(random_sparse_tables(texels=(8, 8), patch=(8, 8)), offset=1e-6)
+    light, view = directions(PAIRS[1])
+    whole = evaluate_sparse_patch(tables, light, view)[0]
+    assert whole.min() > 0.0
+    logarithms = np.log(whole + tables.offset).mean((0, 1))
+    expected = np.exp(logarithms) - tables.offset
+    for offset in ((0.0, 0.0), (0.37, -0.21)):
+        seen = FlatEvaluator(tables).picture(light[0], view[0], (8, 8), 96.0, offset)
+        np.testing.assert_allclose(seen, np.broadcast_to(expected, seen.shape), rtol=1e-2)
+
+
+def test_levels_are_mixed_without_a_jump():
+    """From texel size to the whole patch, the contrast falls step by step."""
+    tables = random_sparse_tables(texels=(16, 16), patch=(16, 16), counts=(60, 20, 20))
+    light, view = directions(PAIRS[1])
+    evaluator = FlatEvaluator(tables)
+
+    def contrast(repeats: float) -> float:
+        seen = evaluator.picture(light[0], view[0], (64, 64), repeats, (0.013, 0.021))
+        return np.log(seen + tables.offset).std((0, 1)).mean()
+
+    for whole in (4.0, 8.0, 16.0):  # 64 pixels and 16 texels: 4 repeats are the finest level
+        assert contrast(1.003 * whole) == pytest.approx(contrast(0.997 * whole), rel=0.1)
+    falling = [contrast(repeats) for repeats in (4.02, 9.0, 20.0, 33.0, 70.0)]
+    assert all(later < earlier for earlier, later in zip(falling, falling[1:], strict=False))
+
+
+def test_a_map_that_only_repeats_changes_nothing():
+    tables = random_sparse_tables()
+    light, view = directions(PAIRS[1])
+    repeats = np.indices((24, 40)).transpose(1, 2, 0) % (12, 20)
+    plain, laid = (
+        FlatEvaluator(tables, coordinates).picture(light[0], view[0], (40, 24), patches)
+        for coordinates, patches in ((None, 2.0), (repeats, 2.0))
+    )
+    np.testing.assert_allclose(laid, plain, rtol=1e-3)
+
+
+def test_a_scene_shows_the_value_times_the_light():
+    """The engine's own surfaces, looked at and lit straight on and aslant."""
+    whole = random_sparse_tables()
+    flat = {key: replace(p, texels=np.ones_like(p.texels)) for key, p in whole.parts.items()}
+    patch = {key: replace(p, coefficients=p.coefficients[:, :1, :1]) for key, p in flat.items()}
+    tables = replace(whole, parts=patch, height=4, width=5)
+    shown = laid_out(tables)
+    light, view = (25.0, 40.0), (35.0, 200.0)
+    material = bpy.data.materials.new("Sparse")
+    with new_scene((48, 48)) as scene:
+        add_mesh(scene, "plane", material)
+        add_camera(scene, view, 0.5)
+        add_sun(scene, light)
+        layer = scene.view_layers[0]
+        layer.update()
+        pixels, messages = camera_picture(
+            layer.depsgraph, (48, 48), 4, lambda _material: Appearance(btf=shown)
+        )
+    assert not messages
+    units = [spherical_to_unit([theta], [phi]) for theta, phi in (light, view)]
+    expected = evaluate_sparse_patch(tables, *units)[0, 0, 0]
+    np.testing.assert_allclose(
+        pixels[..., :3], np.broadcast_to(expected, (48, 48, 3)), rtol=5e-3, atol=1e-4
+    )
