@@ -20,7 +20,14 @@
                    texelFetch(map, ivec3(floor((place) + 0.5), layer), 0))
 #endif
 
-/* Quads of rows at a place of a direction's map. */
+#ifndef TABLE_MEASURED /* benchmarks/_image_space.py reads rows of measured directions */
+
+/* Where a direction is on the maps, and quads of rows there. */
+vec2 TABLE_direction(vec3 direction)
+{
+  return nacre_parabolic_place(direction, TABLE_MAP);
+}
+
 vec4 TABLE_light_quad(int quad, vec2 place)
 {
 #if TABLE_LIGHT_TILES > 1 /* more quads than a texture has layers */
@@ -38,6 +45,8 @@ vec4 TABLE_view_quad(int quad, vec2 place)
 #endif
   return TABLE_FILTERED(TABLE_view, place, quad);
 }
+
+#endif
 
 /* Where a point lies: the patch, and its texel in two levels of it, the finer first. */
 struct TABLE_Place {
@@ -91,14 +100,39 @@ struct TABLE_Point {
   vec4 images[TABLE_MEAN_QUADS + TABLE_DEVIATION_QUADS];
 };
 
+#ifndef TABLE_MEASURED
+
+void TABLE_view_images(inout TABLE_Point point, vec2 direction)
+{
+  for (int i = 0; i < TABLE_MEAN_QUADS + TABLE_DEVIATION_QUADS; i++) {
+    point.images[i] = TABLE_view_quad(TABLE_VIEW_IMAGES + i, direction);
+  }
+}
+
+/* Mean and deviation of the image of a light's direction and the view's. */
+vec2 TABLE_image(TABLE_Point point, vec2 direction)
+{
+  vec2 found = vec2(0.0);
+  for (int i = 0; i < TABLE_MEAN_QUADS; i++) {
+    found.x += dot(TABLE_light_quad(TABLE_LIGHT_IMAGES + i, direction), point.images[i]);
+  }
+  for (int i = TABLE_MEAN_QUADS; i < TABLE_MEAN_QUADS + TABLE_DEVIATION_QUADS; i++) {
+    found.y += dot(TABLE_light_quad(TABLE_LIGHT_IMAGES + i, direction), point.images[i]);
+  }
+  return found;
+}
+
+#endif
+
 TABLE_Point TABLE_prepare(vec3 view, vec2 uv, vec2 uv_dx, vec2 uv_dy)
 {
   TABLE_Place at = TABLE_place(uv, uv_dx, uv_dy);
-  vec2 direction = nacre_parabolic_place(view, TABLE_MAP);
+  vec2 direction = TABLE_direction(view);
   TABLE_Point point;
   point.patch_ = at.patch_;
-  for (int i = 0; i < TABLE_MEAN_QUADS + TABLE_DEVIATION_QUADS; i++) {
-    point.images[i] = TABLE_view_quad(TABLE_VIEW_IMAGES + i, direction);
+  TABLE_view_images(point, direction);
+  for (int i = 0; i < 4 * TABLE_LIGHT_QUADS; i++) {
+    point.reduced[i] = 0.0;
   }
   int part = 0;
   do {
@@ -143,7 +177,7 @@ TABLE_Point TABLE_prepare(vec3 view, vec2 uv, vec2 uv_dx, vec2 uv_dy)
 /* Y, U and V of the logarithm of the colour: what may be mixed with another model's. */
 vec3 TABLE_log(TABLE_Point point, vec3 light)
 {
-  vec2 direction = nacre_parabolic_place(light, TABLE_MAP);
+  vec2 direction = TABLE_direction(light);
   vec3 found = vec3(0.0);
   int place = 0;
   int part = 0;
@@ -164,15 +198,8 @@ vec3 TABLE_log(TABLE_Point point, vec3 light)
     found[part] = sum;
     part++;
   } while (part < 3);
-  float mean = 0.0;
-  float deviation = 0.0;
-  for (int i = 0; i < TABLE_MEAN_QUADS; i++) {
-    mean += dot(TABLE_light_quad(TABLE_LIGHT_IMAGES + i, direction), point.images[i]);
-  }
-  for (int i = TABLE_MEAN_QUADS; i < TABLE_MEAN_QUADS + TABLE_DEVIATION_QUADS; i++) {
-    deviation += dot(TABLE_light_quad(TABLE_LIGHT_IMAGES + i, direction), point.images[i]);
-  }
-  return found * deviation + mean;
+  vec2 image = TABLE_image(point, direction);
+  return found * image.y + image.x;
 }
 
 /* The value for one light in the tangent frame, each channel not below 0; lights below the lowest
