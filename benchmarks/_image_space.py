@@ -19,21 +19,23 @@ from addon.tables.sparse_tables import SIZE, tables_at
 from ._glsl import _COUNTED, _COUNTING, Screen
 
 # A measured direction is a texel of the maps: (x, y, 1, as lights of it do not fade).
-_ROWS = """
+_ROWS = r"""
 #define BTF_MEASURED 1
 #define BTF_direction(direction) (direction).xy
 #define BTF_light_quad(quad, place) texelFetch(BTF_light, ivec3(place, quad), 0)
 #define BTF_view_quad(quad, place) texelFetch(BTF_view, ivec3(place, quad), 0)
 #define BTF_view_images(point, place) point.images[0].xy = (place)
-#define BTF_image(point, place) \
-  texelFetch(IMAGE_normalised, ivec3(image_number(place), image_number(point.images[0].xy), 0), 0).xy
+#define BTF_image(point, light, material) \
+  texelFetch(IMAGE_normalised, \
+             ivec3(image_number(light), image_number(point.images[0].xy), 0), \
+             0).xy
 int image_number(vec2 place)
 {
   return int(place.y) * IMAGE_SIDE + int(place.x);
 }
 """
 
-_COMMON = """
+_COMMON = r"""
 struct IMAGE_Three { vec3 places[3]; vec3 weights; };
 
 IMAGE_Three image_three(vec3 numbers, vec3 weights)

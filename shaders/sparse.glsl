@@ -3,7 +3,8 @@
  *
  *   part = sum over the patch's coefficients of value * texels[t] * light[l] * view[v]
  *
- * for Y, U and V, then part * deviation + mean, all of the logarithm of a colour. Rows are read
+ * for Y, U and V, then part * deviation + mean, all of the logarithm of a colour; of a blend the sum
+ * over its materials by their weights (Section 3.5), before the logarithm is undone. Rows are read
  * between the measured directions from filtered maps, so a light costs what a measured one would.
  * The loops are as long as the lists of the patch, and ask at their ends, as evaluate.glsl explains.
  */
@@ -96,27 +97,43 @@ vec4 TABLE_list(ivec2 patch_, int column)
  * mean and deviation as their products stand. */
 struct TABLE_Point {
   ivec2 patch_;
+  vec4 weights;
   float reduced[4 * TABLE_LIGHT_QUADS];
-  vec4 images[TABLE_MEAN_QUADS + TABLE_DEVIATION_QUADS];
+  vec4 images[TABLE_IMAGES];
 };
+
+vec4 TABLE_weights_at(TABLE_Place at)
+{
+#if TABLE_MATERIALS == 1
+  return vec4(1.0);
+#elif defined(TABLE_MASKS)
+  vec4 finer = texelFetch(TABLE_masks, ivec3(at.texels.x, at.patch_), 0);
+  vec4 coarser = texelFetch(TABLE_masks, ivec3(at.texels.y, at.patch_), 0);
+  return mix(finer, coarser, at.coarse) * TABLE_weights;
+#else
+  return TABLE_weights;
+#endif
+}
 
 #ifndef TABLE_MEASURED
 
 void TABLE_view_images(inout TABLE_Point point, vec2 direction)
 {
-  for (int i = 0; i < TABLE_MEAN_QUADS + TABLE_DEVIATION_QUADS; i++) {
+  for (int i = 0; i < TABLE_IMAGES; i++) {
     point.images[i] = TABLE_view_quad(TABLE_VIEW_IMAGES + i, direction);
   }
 }
 
-/* Mean and deviation of the image of a light's direction and the view's. */
-vec2 TABLE_image(TABLE_Point point, vec2 direction)
+/* Mean and deviation of a material's image of a light's direction and the view's. */
+vec2 TABLE_image(TABLE_Point point, vec2 direction, int material)
 {
+  const ivec3 images[TABLE_MATERIALS] = TABLE_IMAGES_OF; /* first of mean, of deviation, end */
   vec2 found = vec2(0.0);
-  for (int i = 0; i < TABLE_MEAN_QUADS; i++) {
+  ivec3 own = images[material];
+  for (int i = own.x; i < own.y; i++) {
     found.x += dot(TABLE_light_quad(TABLE_LIGHT_IMAGES + i, direction), point.images[i]);
   }
-  for (int i = TABLE_MEAN_QUADS; i < TABLE_MEAN_QUADS + TABLE_DEVIATION_QUADS; i++) {
+  for (int i = own.y; i < own.z; i++) {
     found.y += dot(TABLE_light_quad(TABLE_LIGHT_IMAGES + i, direction), point.images[i]);
   }
   return found;
@@ -130,6 +147,7 @@ TABLE_Point TABLE_prepare(vec3 view, vec2 uv, vec2 uv_dx, vec2 uv_dy)
   vec2 direction = TABLE_direction(view);
   TABLE_Point point;
   point.patch_ = at.patch_;
+  point.weights = TABLE_weights_at(at);
   TABLE_view_images(point, direction);
   for (int i = 0; i < 4 * TABLE_LIGHT_QUADS; i++) {
     point.reduced[i] = 0.0;
@@ -170,15 +188,16 @@ TABLE_Point TABLE_prepare(vec3 view, vec2 uv, vec2 uv_dx, vec2 uv_dy)
       i++;
     } while (i < first.y);
     part++;
-  } while (part < 3);
+  } while (part < 3 * TABLE_MATERIALS);
   return point;
 }
 
-/* Y, U and V of the logarithm of the colour: what may be mixed with another model's. */
+/* Y, U and V of the logarithm of the colour, summed over materials. */
 vec3 TABLE_log(TABLE_Point point, vec3 light)
 {
   vec2 direction = TABLE_direction(light);
   vec3 found = vec3(0.0);
+  vec3 parts = vec3(0.0);
   int place = 0;
   int part = 0;
   do {
@@ -195,11 +214,15 @@ vec3 TABLE_log(TABLE_Point point, vec3 light)
       place += 4;
       i++;
     } while (i < quads);
-    found[part] = sum;
+    parts[part % 3] = sum;
     part++;
-  } while (part < 3);
-  vec2 image = TABLE_image(point, direction);
-  return found * image.y + image.x;
+    if (part % 3 == 0) {
+      int material = part / 3 - 1;
+      vec2 image = TABLE_image(point, direction, material);
+      found += point.weights[material] * (parts * image.y + image.x);
+    }
+  } while (part < 3 * TABLE_MATERIALS);
+  return found;
 }
 
 /* The value for one light in the tangent frame, each channel not below 0; lights below the lowest

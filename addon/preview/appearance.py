@@ -42,7 +42,8 @@ class Appearance:
 
     `coordinates` (H, W, 2) is the map that lays the patch anew, `lights` names the collection that
     lights it; "" for the scene. Visibility is Eq. 26's threshold and weight, `repeat` the patches
-    along u and v in one UV unit.
+    along u and v in one UV unit. A blend has the `weights` of its materials, and may have `masks`
+    (n, y, x) that they are multiplied with.
     """
 
     btf: Tables | SparseLayout | None = None
@@ -52,6 +53,8 @@ class Appearance:
     lights: str = ""
     visibility: tuple[float, float] = (0.5, 1.0)
     repeat: tuple[float, float] = (1.0, 1.0)
+    weights: tuple[float, ...] = ()
+    masks: NDArray[np.floating] | None = None
     base: tuple[float, float, float] = (0.8, 0.8, 0.8)
     message: str = ""
 

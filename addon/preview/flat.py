@@ -3,6 +3,8 @@ compares."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
@@ -10,8 +12,8 @@ from numpy.typing import NDArray
 
 from ..tables.any_tables import AnyTables
 from .context import need_gpu
-from .shader import FULL_SCREEN, compile_info, constants, let_go, read_tables, start_info
-from .textures import laid_out, upload, upload_coordinates
+from .shader import FULL_SCREEN, compile_info, constants, four, let_go, read_tables, start_info
+from .textures import laid_out, upload, upload_coordinates, upload_masks
 
 _MAIN = """
 void main()
@@ -28,22 +30,34 @@ void main()
 
 
 class FlatEvaluator:
-    """One model's textures and the shader that evaluates them for a light and a view at a time."""
+    """One model's textures, or a blend's, and the shader that evaluates them for a light and a view
+    at a time. `weights` of a blend may be changed from one picture to the next."""
 
-    def __init__(self, tables: AnyTables, coordinates: NDArray[np.integer] | None = None) -> None:
-        """`coordinates` (H, W, 2) is a map that lays the patch anew.
+    def __init__(
+        self,
+        *tables: AnyTables,
+        coordinates: NDArray[np.integer] | None = None,
+        weights: Sequence[float] = (),
+        masks: NDArray[np.floating] | None = None,
+    ) -> None:
+        """`coordinates` (H, W, 2) is a map that lays the patch anew, `weights` are those of several
+        sparse tables, and `masks` (n, y, x) factors to them.
 
-        Raises NacreError where there is no GPU, or tables do not fit its textures.
+        Raises NacreError where there is no GPU, tables do not fit its textures or cannot be
+        blended.
         """
         need_gpu()
-        held = laid_out(tables)
+        held = laid_out(*tables)
         uploaded = upload(held)
         self.numbers, self.textures = uploaded.numbers, uploaded.textures
         self.lit, self.size = held.light is not None, (held.width, held.height)
         if coordinates is not None:
             self.textures = {**self.textures, **upload_coordinates(coordinates).textures}
         info, source = start_info()
-        shape = constants(held, coordinates=coordinates)
+        self.weights = tuple(weights)
+        if masks is not None:
+            self.textures = {**self.textures, **upload_masks(masks, held).textures}
+        shape = constants(held, coordinates=coordinates, masked=masks is not None)
         text, _ = read_tables(info, "BTF", shape, 0)
         info.vertex_in(0, "VEC2", "position")
         info.push_constant("VEC4", "nacre_place")
@@ -95,6 +109,8 @@ class FlatEvaluator:
             shader.uniform_sampler(f"BTF_{name}", texture)
         for name, number in self.numbers.items():
             shader.uniform_float(f"BTF_{name}", number)
+        if len(self.weights) > 1:
+            shader.uniform_float("BTF_weights", four(self.weights))
         if self.lit:
             shader.uniform_float("nacre_light", tuple(map(float, light)))
         shader.uniform_float("nacre_view", tuple(map(float, view)))

@@ -3,7 +3,8 @@ constants."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import gpu
@@ -32,15 +33,18 @@ def constants(
     tables: Tables | SparseLayout,
     world: EnvironmentTable | None = None,
     coordinates: NDArray[np.integer] | None = None,
+    masked: bool = False,
 ) -> Constants:
-    """The constants of one set of tables, without the set's name; with a world's light, and laid by
-    a map of coordinates (H, W, 2). Sparse ones have no world's light."""
+    """The constants of one set of tables, without the set's name; with a world's light, laid by a
+    map of coordinates (H, W, 2), or blended by masks. Sparse ones have no world's light."""
     text = _sparse(tables) if isinstance(tables, SparseLayout) else _tensor(tables)
     if world is not None:
         text["WORLD"] = str(world.grid)
         text["WORLD_CHANNELS"] = str(world.vectors.shape[1])
     if coordinates is not None:
         text["COORDINATES"] = "ivec2({1}, {0})".format(*coordinates.shape)
+    if masked:
+        text["MASKS"] = "1"
     return text
 
 
@@ -79,14 +83,15 @@ def _tensor(tables: Tables) -> dict[str, str]:
 def _sparse(layout: SparseLayout) -> dict[str, str]:
     from ..models.domain import TO_RGB
 
+    ends = [0, *accumulate(quads for images in layout.images for quads in images)]
     numbers = {
         "TEXEL_QUADS": layout.longest[0],
         "LIGHT_QUADS": layout.longest[1],
         "VIEW_QUADS": layout.longest[2],
-        "MEAN_QUADS": layout.images[0],
-        "DEVIATION_QUADS": layout.images[1],
-        "LIGHT_IMAGES": len(layout.light) - sum(layout.images),
-        "VIEW_IMAGES": len(layout.view) - sum(layout.images),
+        "MATERIALS": len(layout.images),
+        "IMAGES": ends[-1],
+        "LIGHT_IMAGES": len(layout.light) - ends[-1],
+        "VIEW_IMAGES": len(layout.view) - ends[-1],
         "LIGHT_TILES": core_tiles(len(layout.light)),
         "VIEW_TILES": core_tiles(len(layout.view)),
         "MAP": layout.light.shape[1],
@@ -97,6 +102,8 @@ def _sparse(layout: SparseLayout) -> dict[str, str]:
     for height, width in layout.levels:
         sizes.append(f"ivec3({width}, {height}, {first})")
         first += height * width
+    images = [f"ivec3{tuple(ends[i : i + 3])}" for i in range(0, len(ends) - 2, 2)]
+    text["IMAGES_OF"] = f"ivec3[{len(images)}]({', '.join(images)})"
     text["SIZES"] = f"ivec3[{len(sizes)}]({', '.join(sizes)})"
     text["SIZE"] = f"vec2({layout.width:.1f}, {layout.height:.1f})"
     text["TO_RGB"] = "mat3({})".format(", ".join(f"{part:.9g}" for part in TO_RGB.T.ravel()))
@@ -110,14 +117,12 @@ def samplers(numbers: Constants) -> tuple[str, ...]:
     """The textures that are read with these constants, without the set's name."""
     if "SPARSE" in numbers:
         names = ["coefficients", "lists", "texels", "light", "view"]
-        return (*names, "coordinates") if "COORDINATES" in numbers else tuple(names)
-    names = ["core", "view"]
-    if "LIGHT" in numbers:
-        names.append("light")
-    names += [
-        f"{mode}_index" for mode in ("light", "view") if int(numbers[f"C_{mode.upper()}"]) > 1
-    ]
-    names += [name for name in ("world", "coordinates") if name.upper() in numbers]
+    else:
+        names = ["core", "view", *(["light"] if "LIGHT" in numbers else [])]
+        names += [
+            f"{mode}_index" for mode in ("light", "view") if int(numbers[f"C_{mode.upper()}"]) > 1
+        ]
+    names += [name for name in ("world", "coordinates", "masks") if name.upper() in numbers]
     return tuple(names)
 
 
@@ -126,11 +131,13 @@ def read_tables(
 ) -> tuple[str, int]:
     """Constants and samplers of a set of tables for a shader: its printed source, and the next
     free slot. The push constants are TableTextures.numbers, and NAME_world_scale, its core_scale
-    times that of the world's light."""
+    times that of the world's light, or NAME_weights of a blend."""
     for key, text in numbers.items():
         info.define(f"{name}_{key}", text)
     if "SPARSE" not in numbers:
         info.push_constant("FLOAT", f"{name}_scale")
+    elif int(numbers["MATERIALS"]) > 1:
+        info.push_constant("VEC4", f"{name}_weights")
     if "WORLD" in numbers:
         info.push_constant("FLOAT", f"{name}_world_scale")
     for texture in samplers(numbers):
@@ -147,6 +154,11 @@ def start_info() -> tuple[gpu.types.GPUShaderCreateInfo, str]:
         info.define("NACRE_HARDWARE_FILTER", "1")
     texts = ("parabolic.glsl", "orientations.glsl", "sparse_common.glsl")
     return info, "".join(map(shader_text, texts))
+
+
+def four(weights: Sequence[float]) -> tuple[float, ...]:
+    """Weights of a blend as NAME_weights takes them."""
+    return (*map(float, weights), *[0.0] * (4 - len(weights)))
 
 
 def compile_info(info: gpu.types.GPUShaderCreateInfo) -> gpu.types.GPUShader:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import NacreError
 from ..tables.levels import layers_of_levels
-from ..tables.sparse_layout import SparseLayout, sparse_layout
+from ..tables.sparse_layout import SparseLayout, masks_of_levels, sparse_layout
 
 if TYPE_CHECKING:  # models need the compiled packages, and the engine registers without
     from ..tables.any_tables import AnyTables
@@ -64,11 +64,19 @@ def core_tiles(blocks: int) -> int:
     return -(-blocks // LAYERS)
 
 
-def laid_out(tables: AnyTables) -> Tables | SparseLayout:
-    """Tables as `upload` takes them, made once and not for each picture."""
+def laid_out(*tables: AnyTables) -> Tables | SparseLayout:
+    """Tables as `upload` takes them, or those of a blend; made once and not for each picture.
+
+    Raises NacreError for tables that cannot be blended.
+    """
     from ..tables.sparse_tables import SparseTables
 
-    return sparse_layout(tables) if isinstance(tables, SparseTables) else tables
+    sparse = [one for one in tables if isinstance(one, SparseTables)]
+    if len(sparse) == len(tables):
+        return sparse_layout(*sparse)
+    if len(tables) > 1:
+        raise NacreError("only sparse models can be blended")
+    return tables[0]
 
 
 def upload(tables: Tables | SparseLayout) -> TableTextures:
@@ -123,6 +131,12 @@ def upload_coordinates(coordinates: NDArray[np.integer]) -> Uploaded:
     pixels = np.zeros((1, *coordinates.shape[:2], 4), np.float32)
     pixels[0, ..., :2] = coordinates[..., ::-1]
     return Uploaded({"coordinates": texture_array(pixels, "RGBA32F")}, pixels.nbytes)
+
+
+def upload_masks(masks: NDArray[np.floating], layout: SparseLayout) -> Uploaded:
+    """Weights (n, y, x) of a blend's materials. Raises NacreError for those of another size."""
+    pixels = masks_of_levels(masks, layout)
+    return Uploaded({"masks": texture_array(pixels)}, pixels.size // 4 * TEXEL_BYTES)
 
 
 def texture_array(array: NDArray[np.float32], format: str = "RGBA16F") -> gpu.types.GPUTexture:

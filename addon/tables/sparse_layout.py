@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import NacreError
 from .levels import halve
 
 if TYPE_CHECKING:  # models need the compiled packages, and the engine registers without
@@ -22,6 +23,9 @@ if TYPE_CHECKING:  # models need the compiled packages, and the engine registers
 HEADER = 2
 """Texels that begin a part's list."""
 
+BLENDED = 4
+"""Materials in a blend: their weights are one RGBA texel."""
+
 ROUNDED = 4
 """Lengths of a shader's arrays are whole multiples of this many quads, so that models of about the
 same size share a shader."""
@@ -29,7 +33,7 @@ same size share a shader."""
 
 @dataclass(frozen=True)
 class SparseLayout:
-    """Textures of (layers, height, width, 4) float32.
+    """Textures of (layers, height, width, 4) float32, of one material or several.
 
     coefficients (patches up, patches across, columns, 4): value, and its places among the rows of
                  texels, light and view that the patch lists; of all parts one after the other,
@@ -41,7 +45,7 @@ class SparseLayout:
     light, view  (quads, N, N, 4): rows by parabolic texel, then the maps of mean and deviation
     levels       (height, width) of a patch in each level; levels average rows, which is an average
                  of logarithms
-    images       quads of the mean, and of the deviation
+    images       of each material, quads of the mean, and of the deviation
     height, width, lowest, offset  as in SparseTables
     longest      most quads of texels and of views in a part of a patch, and of lights in all parts
     """
@@ -52,7 +56,7 @@ class SparseLayout:
     light: NDArray[np.float32]
     view: NDArray[np.float32]
     levels: tuple[tuple[int, int], ...]
-    images: tuple[int, int]
+    images: tuple[tuple[int, int], ...]
     longest: tuple[int, int, int]
     height: int
     width: int
@@ -60,12 +64,24 @@ class SparseLayout:
     offset: float
 
 
-def sparse_layout(tables: SparseTables) -> SparseLayout:
-    """Sparse tables laid out for textures."""
-    parts = list(tables.parts.values())
+def sparse_layout(*materials: SparseTables) -> SparseLayout:
+    """Sparse tables laid out for textures; of several materials for a blend.
+
+    Raises NacreError for materials that cannot be blended.
+    """
+    tables = materials[0]
+    for number, other in enumerate(materials[1:], 2):
+        for name in ("height", "width", "patch", "size", "offset", "lowest"):
+            if getattr(other, name) != getattr(tables, name):
+                raise NacreError(
+                    f"material {number} cannot be blended with material 1: {name} "
+                    f"{getattr(other, name)}, not {getattr(tables, name)}"
+                )
+    if len(materials) > BLENDED:
+        raise NacreError(f"{len(materials)} materials: a blend is drawn of {BLENDED} at most")
+    parts = [part for one in materials for part in one.parts.values()]
     up, across = parts[0].coefficients.shape[1:3]
-    rows = [(part.texels, part.light, part.view) for part in parts]
-    quads = np.array([[-(-len(own) // 4) for own in kinds] for kinds in rows])
+    quads = np.array([[-(-len(own) // 4) for own in _rows(part)] for part in parts])
     before = np.cumsum(quads, 0) - quads
     listed = [_listed(part, first) for part, first in zip(parts, before, strict=True)]
     counts = np.array([one.counts for one in listed])
@@ -88,20 +104,22 @@ def sparse_layout(tables: SparseTables) -> SparseLayout:
         first_coefficient = begin.stop
         first_column += one.lists.shape[1]
     levels = _levels(tables.patch)
-    images = (len(tables.mean.light), len(tables.deviation.light))
+    images = [image for one in materials for image in (one.mean, one.deviation)]
 
-    def maps(kind: int, mean: NDArray[np.float32], deviation: NDArray[np.float32]):
-        own = [_quads(kinds[kind]) for kinds in rows]
-        return np.concatenate([*own, mean, deviation])
+    def maps(name: str) -> NDArray[np.float32]:
+        own = [_quads(getattr(part, name)) for part in parts]
+        return np.concatenate([*own, *(getattr(image, name) for image in images)])
 
     return SparseLayout(
         coefficients=coefficients.reshape(up, across, -1, 4),
         lists=np.concatenate([*heads, *lists], 1).reshape(up, across, -1, 4),
-        texels=np.concatenate([_texels(part.texels, levels) for part in parts])[:, None],
-        light=maps(1, tables.mean.light, tables.deviation.light),
-        view=maps(2, tables.mean.view, tables.deviation.view),
+        texels=np.concatenate([_quads(_all_levels(part.texels, levels)) for part in parts])[
+            :, None
+        ],
+        light=maps("light"),
+        view=maps("view"),
         levels=levels,
-        images=images,
+        images=tuple((len(one.mean.light), len(one.deviation.light)) for one in materials),
         longest=(
             _rounded(counts[..., 0].max()),
             _rounded(counts[..., 1].sum(0).max()),
@@ -132,10 +150,9 @@ def _listed(part: Part, first: NDArray[np.intp]) -> _Listed:
     order = np.lexsort((table[..., 2], ~nonzero), axis=1)
     table = np.take_along_axis(table, order[..., None], 1).copy()
     nonzero = table[..., 0] != 0
-    kinds = (part.texels, part.light, part.view)
     patch = np.broadcast_to(np.arange(len(table))[:, None], nonzero.shape)
     lists, counts = [], []
-    for kind, rows in enumerate(kinds, 1):
+    for kind, rows in enumerate(_rows(part), 1):
         quads = -(-len(rows) // 4)
         row = table[..., kind].astype(np.intp)
         uses = np.zeros((len(table), quads), bool)
@@ -153,6 +170,28 @@ def _listed(part: Part, first: NDArray[np.intp]) -> _Listed:
     return _Listed(table, np.maximum(nonzero.sum(1), 1), columns, np.stack(counts, -1))
 
 
+def masks_of_levels(masks: NDArray[np.floating], layout: SparseLayout) -> NDArray[np.float32]:
+    """Weights (n, y, x) of materials as a texture (patches up, patches across, texels of all levels,
+    4). Raises NacreError for another size."""
+    if masks.shape != (len(layout.images), layout.height, layout.width):
+        raise NacreError(
+            f"masks of {masks.shape[2]} x {masks.shape[1]} texels for {len(masks)} materials: "
+            f"expected {layout.width} x {layout.height} for {len(layout.images)}"
+        )
+    (tall, wide), (up, across) = layout.levels[0], layout.lists.shape[:2]
+    over = ((0, up * tall - layout.height), (0, across * wide - layout.width))
+    whole = np.pad(masks, ((0, BLENDED - len(masks)), *over), mode="edge").astype(np.float32)
+    whole[len(masks) :] = 0.0
+    patches = whole.reshape(BLENDED, up, tall, across, wide).transpose(0, 1, 3, 2, 4)
+    found = _all_levels(patches.reshape(-1, tall, wide), layout.levels)
+    return np.ascontiguousarray(np.moveaxis(found.reshape(BLENDED, up, across, -1), 0, -1))
+
+
+def _rows(part: Part) -> tuple[NDArray[np.float32], ...]:
+    """The rows that columns 1 to 3 of a part's coefficients name."""
+    return part.texels, part.light, part.view
+
+
 def _levels(patch: tuple[int, int]) -> tuple[tuple[int, int], ...]:
     """Sizes of a patch, halved down to one texel."""
     sizes = [patch]
@@ -161,14 +200,16 @@ def _levels(patch: tuple[int, int]) -> tuple[tuple[int, int], ...]:
     return tuple(sizes)
 
 
-def _texels(rows: NDArray[np.float32], levels: tuple[tuple[int, int], ...]) -> NDArray[np.float32]:
-    """Rows (n, h, w) as quads (n / 4, texels of all levels, 4)."""
+def _all_levels(
+    rows: NDArray[np.float32], levels: tuple[tuple[int, int], ...]
+) -> NDArray[np.float32]:
+    """Rows (n, h, w) averaged to all levels: (n, texels of all levels)."""
     found = [rows.reshape(len(rows), -1)]
     for size in levels[1:]:
         for axis, length in enumerate(size, 1):
             rows = halve(rows, axis) if rows.shape[axis] != length else rows
         found.append(rows.reshape(len(rows), -1))
-    return _quads(np.concatenate(found, 1))
+    return np.concatenate(found, 1)
 
 
 def _quads(rows: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip("nacre_native")
 
 from addon.datasets.directions import spherical_to_unit
+from addon.errors import NacreError
 from addon.preview import textures
 from addon.preview.appearance import Appearance
 from addon.preview.flat import FlatEvaluator
@@ -136,10 +137,56 @@ def test_a_map_that_only_repeats_changes_nothing():
     light, view = directions(PAIRS[1])
     repeats = np.indices((24, 40)).transpose(1, 2, 0) % (12, 20)
     plain, laid = (
-        FlatEvaluator(tables, coordinates).picture(light[0], view[0], (40, 24), patches)
+        FlatEvaluator(tables, coordinates=coordinates).picture(light[0], view[0], (40, 24), patches)
         for coordinates, patches in ((None, 2.0), (repeats, 2.0))
     )
     np.testing.assert_allclose(laid, plain, rtol=1e-3)
+
+
+def logarithm(tables, pair):
+    light, view = directions(pair)
+    return np.log(evaluate_sparse_patch(tables, light, view)[0] + tables.offset)
+
+
+def test_a_blend_is_the_sum_of_logarithms_by_weight():
+    """Two and three materials of other rows, means and deviations; weights change live."""
+    materials = [
+        replace(random_sparse_tables(rows=rows, seed=seed), offset=1e-6)
+        for seed, rows in enumerate([(11, 9, 14), (7, 13, 5), (20, 4, 9)])
+    ]
+    for several in (materials[:2], materials):
+        evaluator = FlatEvaluator(*several)
+        for weights in ((1.0, 0.0, 0.0), (0.3, 0.7, 0.0), (0.5, 0.25, 0.25))[: len(several)]:
+            evaluator.weights = weights[: len(several)]
+            mixed = sum(
+                w * logarithm(one, PAIRS[1]) for w, one in zip(weights, several, strict=False)
+            )
+            light, view = directions(PAIRS[1])
+            seen = evaluator.picture(light[0], view[0])
+            assert relative(seen, np.exp(mixed) - 1e-6) < 5e-3
+
+
+def test_a_mask_has_weights_for_every_texel():
+    materials = [replace(random_sparse_tables(seed=seed), offset=1e-6) for seed in (0, 1)]
+    mask = np.random.default_rng(2).random((12, 20))
+    masks = np.stack([mask, 1.0 - mask])
+    evaluator = FlatEvaluator(*materials, weights=(1.0, 1.0), masks=masks)
+    light, view = directions(PAIRS[1])
+    mixed = sum(
+        own[..., None] * logarithm(one, PAIRS[1]) for own, one in zip(masks, materials, strict=True)
+    )
+    expected = np.exp(mixed) - 1e-6
+    assert relative(evaluator.picture(light[0], view[0]), expected) < 5e-3
+    with pytest.raises(NacreError, match="20 x 12 for 2"):
+        FlatEvaluator(*materials, weights=(1.0, 1.0), masks=masks[:, :-1])
+
+
+def test_what_does_not_go_together_is_refused():
+    one, other = random_sparse_tables(), random_sparse_tables(texels=(16, 20))
+    with pytest.raises(NacreError, match="material 2 .* height 16, not 12"):
+        laid_out(one, other)
+    with pytest.raises(NacreError, match="4 at most"):
+        laid_out(*[one] * 5)
 
 
 def test_a_scene_shows_the_value_times_the_light():
@@ -151,18 +198,21 @@ def test_a_scene_shows_the_value_times_the_light():
     shown = laid_out(tables)
     light, view = (25.0, 40.0), (35.0, 200.0)
     material = bpy.data.materials.new("Sparse")
+    looks = [Appearance(btf=shown), Appearance(btf=laid_out(tables, tables), weights=(0.4, 0.6))]
     with new_scene((48, 48)) as scene:
         add_mesh(scene, "plane", material)
         add_camera(scene, view, 0.5)
         add_sun(scene, light)
         layer = scene.view_layers[0]
         layer.update()
-        pixels, messages = camera_picture(
-            layer.depsgraph, (48, 48), 4, lambda _material: Appearance(btf=shown)
-        )
-    assert not messages
+        pictures = [
+            camera_picture(layer.depsgraph, (48, 48), 4, lambda _material, own=own: own)
+            for own in looks
+        ]
     units = [spherical_to_unit([theta], [phi]) for theta, phi in (light, view)]
     expected = evaluate_sparse_patch(tables, *units)[0, 0, 0]
-    np.testing.assert_allclose(
-        pixels[..., :3], np.broadcast_to(expected, (48, 48, 3)), rtol=5e-3, atol=1e-4
-    )
+    for pixels, messages in pictures:
+        assert not messages
+        np.testing.assert_allclose(
+            pixels[..., :3], np.broadcast_to(expected, (48, 48, 3)), rtol=5e-3, atol=1e-4
+        )
