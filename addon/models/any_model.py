@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 
+from ..errors import NacreError
 from .clustered_tucker import ClusteredTucker
 from .exr import load_model
 from .exr_arrays import read_description
@@ -18,3 +19,14 @@ def load_any(path: str | os.PathLike[str]) -> Model:
     if read_description(path).get("model") == MODEL:
         return load_sparse(path)
     return load_model(path)
+
+
+def load_shown(path: str | os.PathLike[str]) -> Model:
+    """Read a model to be shown by itself; NacreError also when it is one of occlusion."""
+    model = load_any(path)
+    if model.kind != "btf":
+        raise NacreError(
+            f"{path}: a model of {model.kind} has no colours; give it to a BTF's material as its "
+            "Occlusion"
+        )
+    return model

@@ -9,6 +9,7 @@ import numpy as np
 from mathutils import Vector
 from numpy.typing import NDArray
 
+from ..tables.any_tables import AnyTables
 from ..tables.environment import EnvironmentTable
 from ..tables.tables import Tables
 from .coordinates import make_coordinates, stored_coordinates
@@ -26,7 +27,7 @@ from .model_group import (
     show_lights,
     show_tables,
 )
-from .packed_tables import is_packed, pack, stored
+from .packed_tables import is_packed, is_sparse, pack, stored
 
 MODEL_NODE = "Nacre Model"
 COVERAGE_NODE = "Nacre Coverage"
@@ -34,7 +35,7 @@ FINAL_NODE = "Nacre Final Model"
 
 
 def material_from_tables(
-    tables: Tables, name: str, lights: Owner | None = None
+    tables: AnyTables, name: str, lights: Owner | None = None
 ) -> bpy.types.Material:
     """A material that evaluates a model's tables, lit by the lights of a scene or collection.
 
@@ -65,6 +66,7 @@ def material_from_tables(
     for column, node in enumerate((uv, scale, frame, model, emission, output)):
         node.location, node.hide = (200.0 * column, 0.0), False
     frame.location = (200.0, -250.0)
+    _lead_to_cycles(material)
     material.preview_render_type = "SPHERE"
     return material
 
@@ -75,7 +77,7 @@ def set_repeat(material: bpy.types.Material, across: float, up: float) -> None:
 
 
 def set_tables(
-    material: bpy.types.Material, tables: Tables, environment: EnvironmentTable | None = None
+    material: bpy.types.Material, tables: AnyTables, environment: EnvironmentTable | None = None
 ) -> None:
     """Show other tables in place: what is linked to the material's nodes stays, and so does a map
     of coordinates if there are as many texels. `environment` is `environment_for` these tables."""
@@ -83,12 +85,13 @@ def set_tables(
     if stored_coordinates(group) is not None and not _same_texels(group, tables):
         set_coordinates(material, None)
     show_tables(group, pack(group.name, tables), lights_of(group))
+    _lead_to_cycles(material)
     _light_by_kept_world(material, group, environment)
 
 
-def _same_texels(group: bpy.types.ShaderNodeTree, tables: Tables) -> bool:
+def _same_texels(group: bpy.types.ShaderNodeTree, tables: AnyTables) -> bool:
     shapes = stored(group).shapes
-    return (shapes.height, shapes.width) == tables.core.shape[4:6]
+    return (shapes.height, shapes.width) == (tables.height, tables.width)
 
 
 def _light_by_kept_world(
@@ -110,32 +113,66 @@ def set_coverage(
     partly covered pixels dithered or blended, as the material's own setting says.
     """
     tree = material.node_tree
-    model = tree.nodes[MODEL_NODE]
-    output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
-    surface = output.inputs["Surface"]
     before = tree.nodes.get(COVERAGE_NODE)
     if before is not None:
-        mix = surface.links[0].from_node
-        shown = mix.inputs[2].links[0].from_socket
+        for mix in [link.to_node for link in before.outputs[0].links]:
+            output = mix.outputs[0].links[0].to_node
+            shown = mix.inputs[2].links[0].from_socket
+            for node in (mix.inputs[1].links[0].from_node, mix):
+                tree.nodes.remove(node)
+            tree.links.new(shown, output.inputs["Surface"])
         remove_coverage_group(before.node_tree)
-        for node in (before, mix.inputs[1].links[0].from_node, mix):
-            tree.nodes.remove(node)
-        tree.links.new(shown, surface)
+        tree.nodes.remove(before)
     if tables is None:
         return
     name = f"Nacre {material.name} Coverage"
     group = make_coverage_group(name, pack(name, tables), mapping)
+    model = tree.nodes[MODEL_NODE]
     g = Graph(tree)
     uv, view = (Wire(g, model.inputs[label].links[0].from_socket) for label in ("UV", "View"))
     lay_coverage(group, stored_coordinates(group_of(material)))
     coverage = g.node("ShaderNodeGroup", uv, view, node_tree=group)
     coverage.name = coverage.label = COVERAGE_NODE
+    coverage.location, coverage.hide = model.location + Vector((0, 300)), False
+    for output in _outputs(tree):
+        _cover(g, output, coverage)
+
+
+def _cover(
+    g: Graph, output: bpy.types.ShaderNodeOutputMaterial, coverage: bpy.types.ShaderNodeGroup
+) -> None:
+    """Lead what an output shows through holes."""
+    surface = output.inputs["Surface"]
     hole = g.node("ShaderNodeBsdfTransparent")
     shown = Wire(g, surface.links[0].from_socket)
     mix = g.node("ShaderNodeMixShader", g.wire(coverage), g.wire(hole), shown)
     g.connect(g.wire(mix), surface)
-    for node, shift in ((coverage, (0, 300)), (hole, (200, 300)), (mix, (300, 150))):
-        node.location, node.hide = model.location + Vector(shift), False
+    for node, shift in ((hole, (-400, 200)), (mix, (-300, 50))):
+        node.location, node.hide = output.location + Vector(shift), False
+
+
+def _outputs(tree: bpy.types.ShaderNodeTree) -> list[bpy.types.ShaderNodeOutputMaterial]:
+    outputs = [node for node in tree.nodes if node.type == "OUTPUT_MATERIAL"]
+    return [node for node in outputs if node.inputs["Surface"].is_linked]
+
+
+def _lead_to_cycles(material: bpy.types.Material) -> None:
+    """Give Cycles an output of its own where it cannot evaluate what EEVEE does."""
+    tree = material.node_tree
+    if any(output.target == "CYCLES" for output in _outputs(tree)):
+        return
+    if not needs_osl(material):
+        return
+    for output in _outputs(tree):  # of all engines: Cycles would unroll its loops, too
+        output.target = "EEVEE"
+    g = Graph(tree)
+    emission = g.node("ShaderNodeEmission", g.wire(tree.nodes[MODEL_NODE], "Cycles"))
+    output = g.node("ShaderNodeOutputMaterial", g.wire(emission), target="CYCLES")
+    for node, beside in ((emission, "EMISSION"), (output, "OUTPUT_MATERIAL")):
+        above = next(own for own in tree.nodes if own.type == beside and own != node)
+        node.location, node.hide = above.location + Vector((0, -200)), False
+    if tree.nodes.get(COVERAGE_NODE) is not None:
+        _cover(g, output, tree.nodes[COVERAGE_NODE])
 
 
 def set_coordinates(material: bpy.types.Material, coordinates: NDArray[np.integer] | None) -> None:
@@ -179,7 +216,7 @@ def set_environment(
 
 def set_final_tables(
     material: bpy.types.Material,
-    tables: Tables | None,
+    tables: AnyTables | None,
     environment: EnvironmentTable | None = None,
 ) -> None:
     """Tables that take the place of others while a final render runs; None for the same ones.
@@ -202,6 +239,7 @@ def set_final_tables(
         node.node_tree = make_model_group(name, pack(name, tables), lights_of(shown))
         node.name = node.label = FINAL_NODE
         node.location = nodes[MODEL_NODE].location - Vector((0.0, 300.0))
+    _lead_to_cycles(material)
     laid = stored_coordinates(shown) if _same_texels(shown, tables) else None
     if laid != stored_coordinates(node.node_tree):
         show_coordinates(node.node_tree, laid)
@@ -239,6 +277,11 @@ def nacre_materials() -> list[bpy.types.Material]:
 def group_of(material: bpy.types.Material) -> bpy.types.ShaderNodeTree:
     """The node group that shows a material's model."""
     return material.node_tree.nodes[MODEL_NODE].node_tree
+
+
+def needs_osl(material: bpy.types.Material) -> bool:
+    """Whether Cycles shows a material as it is only with the Open Shading Language."""
+    return any(is_sparse(group) for group in groups_of(material))
 
 
 def is_nacre_material(material: bpy.types.Material | None) -> bool:

@@ -2,7 +2,7 @@
 
 Nacre MODEL          UV, View, Tangent, Bitangent, Normal -> Value
   Nacre Lights       directions and radiances (light_set)
-  Nacre MODEL Texel  the core at one texel (texel_group)
+  Nacre MODEL Texel  the core of a tensor model at one texel (texel_group)
 """
 
 from __future__ import annotations
@@ -26,7 +26,11 @@ from .packed_environment import (
     store_environment,
     stored_environment,
 )
-from .packed_tables import HOLDER, PackedTables, is_holder, store, stored
+from .packed_sparse import PackedSparse
+from .packed_tables import HOLDER, Packed, is_holder, is_sparse, store, stored
+from .packed_tensor import PackedTensor
+from .sparse_evaluation import SparseEvaluation, colour_of, nearest_texel
+from .sparse_script import SparseScript, follow_files
 from .texel_group import make_texel_group
 from .turning import follow_world, turned
 
@@ -37,6 +41,10 @@ SOCKETS = (
     ("Bitangent", "Unit vector of the surface on the side of +v, in the world"),
     ("Normal", "Unit normal of the surface, in the world"),
 )
+OUTPUTS = (
+    ("Value", "Linear radiance of the material under all lights"),
+    ("Cycles", "The same as Cycles can evaluate it: of a sparse model, by a script"),
+)
 _TEXEL = f"{HOLDER}Texel"
 _LIGHTS = "Lights"
 _PARTED = "nacre_parted_from"
@@ -44,45 +52,50 @@ _SCALE = "World Scale"
 
 
 def make_model_group(
-    name: str, packed: PackedTables, lights: bpy.types.ShaderNodeTree | None
+    name: str, packed: Packed, lights: bpy.types.ShaderNodeTree | None
 ) -> bpy.types.ShaderNodeTree:
-    """A group with inputs SOCKETS and the output Value: linear radiance under all lights of a light
-    set, that of the material clamped at 0 for each."""
+    """A group with inputs SOCKETS and OUTPUTS: linear radiance under all lights of a light set,
+    that of the material clamped at 0 for each."""
     tree = bpy.data.node_groups.new(name, "ShaderNodeTree")
     for label, tip in SOCKETS:
         socket = tree.interface.new_socket(label, in_out="INPUT", socket_type="NodeSocketVector")
         socket.description = tip
-    output = tree.interface.new_socket("Value", in_out="OUTPUT", socket_type="NodeSocketColor")
-    output.description = "Linear radiance of the material under all lights"
     show_tables(tree, packed, lights)
     return tree
 
 
 def show_tables(
     tree: bpy.types.ShaderNodeTree,
-    packed: PackedTables,
+    packed: Packed,
     lights: bpy.types.ShaderNodeTree | None,
 ) -> None:
     """Let a group show other tables; its sockets, and so all links to it, stay."""
+    for label, tip in OUTPUTS:
+        if label not in tree.interface.items_tree:
+            socket = tree.interface.new_socket(
+                label, in_out="OUTPUT", socket_type="NodeSocketColor"
+            )
+            socket.description = tip
     holder = tree.nodes.get(_TEXEL)
     if holder is not None:
         bpy.data.node_groups.remove(holder.node_tree)
         tree.nodes.remove(holder)
     store(tree, packed)
     store_environment(tree, None)  # it was convolved with other rows
-    holder = tree.nodes.new("ShaderNodeGroup")
-    holder.node_tree = make_texel_group(f"{tree.name} Texel", packed)
-    holder.name = holder.label = _TEXEL
-    holder.location, holder.hide = (-400.0, 60.0), True
+    if isinstance(packed, PackedTensor):
+        holder = tree.nodes.new("ShaderNodeGroup")
+        holder.node_tree = make_texel_group(f"{tree.name} Texel", packed)
+        holder.name = holder.label = _TEXEL
+        holder.location, holder.hide = (-400.0, 60.0), True
     show_lights(tree, lights)
 
 
 def remove_model_group(tree: bpy.types.ShaderNodeTree) -> None:
     """Remove a group with all that was made for it."""
     clear(tree, keep=is_holder)
-    texel = tree.nodes[_TEXEL].node_tree
+    texels = [node.node_tree for node in tree.nodes if node.name == _TEXEL]
     images = [node.image for node in tree.nodes if node.type == "TEX_IMAGE"]
-    for item in (tree, texel):
+    for item in (tree, *texels):
         bpy.data.node_groups.remove(item)
     for image in images:
         bpy.data.images.remove(image)
@@ -136,6 +149,12 @@ def follow_turned_world(tree: bpy.types.ShaderNodeTree) -> None:
         follow_world(world, mapping, here)
 
 
+def follow_scripts(tree: bpy.types.ShaderNodeTree) -> None:
+    """Write the files that a group's scripts read where this session has not yet."""
+    if is_sparse(tree):
+        follow_files(tree, stored(tree))
+
+
 def lights_of(tree: bpy.types.ShaderNodeTree) -> bpy.types.ShaderNodeTree | None:
     """The light set that a group shows."""
     node = tree.nodes.get(_LIGHTS)
@@ -157,7 +176,7 @@ def parted_from(tree: bpy.types.ShaderNodeTree) -> str | None:
 
 def _write(
     tree: bpy.types.ShaderNodeTree,
-    packed: PackedTables,
+    packed: Packed,
     lights: bpy.types.ShaderNodeTree | None,
 ) -> None:
     g = Graph(tree)
@@ -169,16 +188,34 @@ def _write(
         node.name = node.label = _LIGHTS
         outputs = [Wire(g, output) for output in node.outputs]
         directions, radiances = outputs[::2], outputs[1::2]
+    if isinstance(packed, PackedSparse):
+        values = _lit_sparse(g, packed, uv, view, frame, directions, radiances)
+    else:
+        total = _lit_tensor(g, packed, uv, view, frame, directions, radiances)
+        values = [total, total]
+    g.node("NodeGroupOutput", *values)
+
+
+def _lit_tensor(
+    g: Graph,
+    packed: PackedTensor,
+    uv: Wire,
+    view: Wire,
+    frame: list[Wire],
+    directions: list[Wire],
+    radiances: list[Wire],
+) -> Wire:
+    """The radiance under all lights and the world."""
     total = g.combine(0.0, 0.0, 0.0)
-    environment = stored_environment(tree)
+    environment = stored_environment(g.tree)
     if directions or environment:
-        texel_group = tree.nodes[_TEXEL].node_tree
-        evaluation = Evaluation(g, packed, texel_group, uv, view, stored_coordinates(tree))
+        texel_group = g.tree.nodes[_TEXEL].node_tree
+        evaluation = Evaluation(g, packed, texel_group, uv, view, stored_coordinates(g.tree))
     if directions:
 
         def add_light(g: Graph, index: Wire | int, state: list[Wire]) -> list[Wire]:
             direction = choose(g, index, directions)
-            value = evaluation.value(g, g.combine(*(g.dot(direction, axis) for axis in frame)))
+            value = evaluation.value(g, in_frame(g, direction, frame))
             radiance = choose(g, index, radiances)
             lit = g.node(
                 "ShaderNodeVectorMath", g.combine(*value), radiance, operation="MULTIPLY_ADD"
@@ -189,7 +226,39 @@ def _write(
         (total,) = repeat(g, len(directions), [(0.0, 0.0, 0.0)], add_light)
     if environment:
         total = total + _from_world(g, evaluation, environment, frame)
-    g.node("NodeGroupOutput", total)
+    return total
+
+
+def _lit_sparse(
+    g: Graph,
+    packed: PackedSparse,
+    uv: Wire,
+    view: Wire,
+    frame: list[Wire],
+    directions: list[Wire],
+    radiances: list[Wire],
+) -> list[Wire]:
+    """The radiance under all lights for each of OUTPUTS."""
+    black = g.combine(0.0, 0.0, 0.0)
+    if not directions:
+        return [black, black]
+    shapes = packed.shapes
+    lights = [in_frame(g, direction, frame) for direction in directions]
+    texel = nearest_texel(g, uv, shapes.height, shapes.width, stored_coordinates(g.tree))
+    found = []
+    for evaluator in (SparseEvaluation, SparseScript):
+        total = black
+        values = evaluator(g, packed, texel, view).log_values(g, lights)
+        for own, light, radiance in zip(values, lights, radiances, strict=True):
+            colour = colour_of(g, own, shapes.offset, shapes.lowest, light)
+            total = total + g.operate("MULTIPLY", colour, radiance)
+        found.append(total)
+    return found
+
+
+def in_frame(g: Graph, direction: Wire, frame: list[Wire]) -> Wire:
+    """A direction of the world in the tangent frame."""
+    return g.combine(*(g.dot(direction, axis) for axis in frame))
 
 
 def _from_world(

@@ -24,16 +24,16 @@ class NACRE_OT_create_material(JobOperator, bpy.types.Operator):
         return is_ready(cls)
 
     def prepare(self, context: bpy.types.Context) -> Work:
-        from ..models.exr import load_btf
-        from ..tables.tables import build_tables
+        from ..models.any_model import load_shown
+        from ..tables.any_tables import build_any_tables
 
         path = Path(bpy.path.abspath(context.scene.nacre.model))
         self._name = path.stem
 
         def work(progress: Progress) -> Any:
             progress(0.0, "Reading the model")
-            model = load_btf(path)
-            return model.dataset.get("patch_size"), build_tables(model, progress=progress)
+            model = load_shown(path)
+            return model.dataset.get("patch_size"), build_any_tables(model, progress=progress)
 
         return work
 

@@ -23,9 +23,9 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Work:
         from ..datasets.occlusion import MAPPINGS
-        from ..models.exr import load_model
+        from ..models.any_model import load_any
         from ..nodes.kept_world import environment_for, kept_world
-        from ..tables.tables import build_tables
+        from ..tables.any_tables import build_any_tables
 
         self._material = context.object.active_material
         files = self._material.nacre
@@ -42,11 +42,11 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
 
             found = {}
             for number, (part, path) in enumerate(paths.items()):
-                model = load_model(path)
+                model = load_any(path)
                 wanted = "occlusion" if part == "occlusion" else "btf"
                 if model.kind != wanted:
                     raise NacreError(f"{path}: a model of {model.kind}; expected one of {wanted}")
-                tables = build_tables(model, progress=share(number))
+                tables = build_any_tables(model, progress=share(number))
                 if part == "occlusion":
                     mapping = MAPPINGS.get(model.dataset.get("value", ""), MAPPINGS["mask"])
                     found[part] = tables, mapping
@@ -57,10 +57,16 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
         return work
 
     def finish(self, context: bpy.types.Context, result: Any) -> None:
-        from ..nodes.material import set_coverage, set_final_tables, set_tables
+        from ..nodes.kept_world import kept_world
+        from ..nodes.material import group_of, set_coverage, set_final_tables, set_tables
+        from ..nodes.packed_tables import is_sparse
 
         if "model" in result:
             set_tables(self._material, *result["model"])
         set_final_tables(self._material, *result.get("final_model", (None,)))
         set_coverage(self._material, *result.get("occlusion", (None,)))
-        self.report({"INFO"}, f"Updated the material {self._material.name}")
+        shown = self._material.name
+        if kept_world(self._material.node_tree) and is_sparse(group_of(self._material)):
+            self.report({"WARNING"}, f"Updated {shown}: a sparse model is not lit by the world")
+        else:
+            self.report({"INFO"}, f"Updated the material {shown}")

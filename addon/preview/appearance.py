@@ -143,9 +143,7 @@ def _unpacked(tree: bpy.types.ShaderNodeTree | None) -> Tables | SparseLayout | 
 
     if not is_packed(tree):
         return None
-    packed = stored(tree)
-    atlases = (packed.core, packed.view, packed.index, packed.light)
-    images = tuple(atlas.image.session_uid for atlas in atlases if atlas is not None)
+    images = tuple(atlas.image.session_uid for atlas in stored(tree).atlases.values())
     return _unpack(tree.name_full, images)
 
 

@@ -171,7 +171,7 @@ def _listed(part: Part, first: NDArray[np.intp]) -> _Listed:
 
 
 def masks_of_levels(masks: NDArray[np.floating], layout: SparseLayout) -> NDArray[np.float32]:
-    """Weights (n, y, x) of materials as a texture (patches up, patches across, texels of all levels,
+    """Weights (n, y, x) of materials as a texture (patches up, patches across, texels of levels,
     4). Raises NacreError for another size."""
     if masks.shape != (len(layout.images), layout.height, layout.width):
         raise NacreError(
