@@ -118,19 +118,24 @@ class ImageSpace(Screen):
     all lights."""
 
     def __init__(
-        self, model: SparseBtf, size: tuple[int, int], suns: int, shared: bool = False
+        self,
+        model: SparseBtf,
+        size: tuple[int, int],
+        suns: int,
+        shared: bool = False,
+        maps: int = SIZE,
     ) -> None:
         ensemble = model.ensemble
         self.side = int(np.ceil(np.sqrt(max(len(ensemble.light), len(ensemble.view)))))
         lights, views = (self._square(own) for own in (ensemble.light, ensemble.view))
         super().__init__(laid_out(tables_at(model, lights, views)), size, suns)
-        self.shared = shared
+        self.shared, self.maps = shared, maps
         images = np.stack([model.normalised.mean, model.normalised.deviation], -1)
         images = np.pad(images.swapaxes(0, 1), ((0, 0), (0, 0), (0, 2)))[None]
         self.samplers |= {
             "IMAGE_normalised": texture_array(images, "RGBA32F"),
-            "IMAGE_lights": texture_array(_neighbours(ensemble.light), "RGBA32F"),
-            "IMAGE_views": texture_array(_neighbours(ensemble.view), "RGBA32F"),
+            "IMAGE_lights": texture_array(_neighbours(ensemble.light, maps), "RGBA32F"),
+            "IMAGE_views": texture_array(_neighbours(ensemble.view, maps), "RGBA32F"),
         }
 
     def _square(self, directions: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -141,7 +146,7 @@ class ImageSpace(Screen):
     def info(self) -> tuple[gpu.types.GPUShaderCreateInfo, str]:
         info, source = super().info()
         info.define("IMAGE_SIDE", str(self.side))
-        info.define("IMAGE_MAP", str(SIZE))
+        info.define("IMAGE_MAP", str(self.maps))
         for number, name in enumerate(("normalised", "lights", "views")):
             info.sampler(_SLOT + number, "FLOAT_2D_ARRAY", f"IMAGE_{name}")
         return info, _ROWS + source + _COMMON + (_SHARED if self.shared else _WHOLE)
@@ -156,9 +161,9 @@ class ImageSpace(Screen):
 _SURFACE = shader_text("surface.glsl").replace("BTF_", "IMAGE_")
 
 
-def _neighbours(measured: NDArray[np.floating]) -> NDArray[np.float32]:
+def _neighbours(measured: NDArray[np.floating], size: int) -> NDArray[np.float32]:
     """A parabolic map (2, N, N, 4) of the numbers of three directions, and of their weights."""
-    share = weights(measured, texel_directions(SIZE).reshape(-1, 3), "linear")
+    share = weights(measured, texel_directions(size).reshape(-1, 3), "linear")
     numbers = np.argsort(-share, axis=1)[:, :3]
     found = np.stack([numbers, np.take_along_axis(share, numbers, 1)]).astype(np.float32)
-    return np.pad(found, ((0, 0), (0, 0), (0, 1))).reshape(2, SIZE, SIZE, 4)
+    return np.pad(found, ((0, 0), (0, 0), (0, 1))).reshape(2, size, size, 4)

@@ -10,17 +10,24 @@ import pytest
 
 pytest.importorskip("nacre_native")
 
+from small_sparse import model_of
+
+import addon
 from addon.datasets.directions import spherical_to_unit
 from addon.errors import NacreError
+from addon.models.sparse.files import save_sparse
+from addon.nodes.material import material_from_tables
 from addon.preview import textures
-from addon.preview.appearance import Appearance
+from addon.preview.appearance import Appearance, appearance_of, tables_of
 from addon.preview.flat import FlatEvaluator
 from addon.preview.picture import camera_picture
 from addon.preview.shader import constants
 from addon.preview.textures import laid_out
 from addon.render.stage import add_camera, add_mesh, add_sun, new_scene
 from addon.tables.sparse_evaluate import evaluate_sparse_patch, evaluate_sparse_points
-from addon.tables.sparse_tables import SparseTables
+from addon.tables.sparse_tables import SparseTables, build_sparse_tables
+from benchmarks._glsl import Screen
+from benchmarks._image_space import ImageSpace
 from benchmarks._sparse_tables import random_sparse_tables
 
 pytestmark = pytest.mark.usefixtures("need_gpu")
@@ -93,6 +100,38 @@ def test_models_of_about_one_size_share_a_shader():
     shapes = [constants(laid_out(random_sparse_tables(seed=seed))) for seed in (0, 1)]
     assert shapes[0] == shapes[1]
     assert shapes[0] != constants(laid_out(random_sparse_tables(texels=(16, 20))))
+
+
+@pytest.mark.parametrize("suns", [1, 3])
+def test_fetches_are_those_of_coefficients_and_listed_quads(suns):
+    """Fewer than reading every coefficient's rows, for one light and more so for several."""
+    tables = random_sparse_tables(counts=(80, 20, 20))
+    layout = laid_out(tables)
+    heads = layout.lists[0, 0, :6]
+    coefficients, quads = heads[::2, 1].sum(), heads[1::2, :3].sum(0)  # of texels, light, view
+    once = 6 + coefficients + 2 * (quads[0] + quads[2])  # heads; each quad's number, and itself
+    each = 6 + 2 * quads[1]
+    images = sum(layout.images[0])
+    screen = Screen(layout, (8, 8), suns)
+    counted = screen.pixels(screen.counted())
+    expected = once + images + suns * (each + images)
+    assert counted.min() == counted.max() == expected
+    assert expected < suns * sum(tables.fetches.values())
+
+
+def test_image_space_takes_nine_times_the_coefficients():
+    """What the benchmark compares with: colours close by, and every neighbour's fetches."""
+    model = model_of()
+    screens = [
+        Screen(laid_out(build_sparse_tables(model, 32)), (24, 16), 2),
+        ImageSpace(model, (24, 16), 2, maps=32),
+        ImageSpace(model, (24, 16), 2, shared=True, maps=32),
+    ]
+    ours, whole, shared = (screen.pixels(screen.engine())[..., :3] for screen in screens)
+    np.testing.assert_allclose(shared, whole, rtol=1e-4, atol=1e-5)
+    assert 1e-4 < relative(whole, ours) < 0.08
+    counts = [screen.pixels(screen.counted()).max() for screen in screens]
+    assert counts[1] > 18 * 36 and counts[2] < counts[1] / 2
 
 
 def test_bytes_are_those_of_the_textures():
@@ -179,6 +218,32 @@ def test_a_mask_has_weights_for_every_texel():
     assert relative(evaluator.picture(light[0], view[0]), expected) < 5e-3
     with pytest.raises(NacreError, match="20 x 12 for 2"):
         FlatEvaluator(*materials, weights=(1.0, 1.0), masks=masks[:, :-1])
+
+
+def test_a_material_shows_what_its_nodes_hold():
+    addon.register()
+    try:
+        tables = random_sparse_tables(size=16)
+        material = material_from_tables(tables, "Sparse")
+        shown, expected = appearance_of(material).btf, laid_out(tables)
+        assert appearance_of(material).btf is shown
+    finally:
+        addon.unregister()
+    assert constants(shown) == constants(expected)
+    for name in ("coefficients", "lists", "texels", "light", "view"):
+        np.testing.assert_allclose(
+            getattr(shown, name), getattr(expected, name), rtol=1e-3, atol=1e-3
+        )
+
+
+def test_a_model_file_is_shown(tmp_path):
+    """What the nodes' images need not hold: the engine reads the file."""
+    model = model_of()
+    save_sparse(model, tmp_path / "model.exr")
+    shown, message = tables_of(str(tmp_path / "model.exr"))
+    assert not message
+    expected = laid_out(build_sparse_tables(model))
+    np.testing.assert_allclose(shown.coefficients, expected.coefficients, rtol=1e-3, atol=1e-3)
 
 
 def test_what_does_not_go_together_is_refused():
