@@ -63,6 +63,9 @@ def code(
             progress is None or progress(0.8 * done / len(origins), "Coding patches")
         )
 
+    def last(fraction: float, message: str) -> bool:
+        return progress is None or progress(0.8 + 0.2 * fraction, message)
+
     try:
         for part, patches in read_patches(dataset, normalised, ensemble.patch, origins):
             for key, own in codes.items():
@@ -90,7 +93,7 @@ def code(
         dataset=describe(dataset),
         quality=quality_of(sparsity, ensemble.patch),
     )
-    snr_db = round(measure(dataset, model, progress)["snr_db"], 4)
+    snr_db = round(measure(dataset, model, last)["snr_db"], 4)
     seconds = round(time.monotonic() - started, 3)
     return replace(model, fit={"method": "sparse", "snr_db": snr_db, "seconds": seconds})
 
@@ -101,16 +104,24 @@ def measure(
     progress: Callable[[float, str], bool] | None = None,
 ) -> dict[str, float]:
     """SNR in dB and mean squared error of linear values; decodes patch by patch."""
-    tall = model.ensemble.patch[0]
+    return measure_against(lambda y, x: dataset.samples[:, :, y, x], model, progress)
+
+
+def measure_against(
+    read: Callable[[slice, slice], NDArray[np.floating]],
+    model: SparseBtf,
+    progress: Callable[[float, str], bool] | None = None,
+) -> dict[str, float]:
+    """`measure`, of samples (light, view, y, x, channel) that are read by some y and x."""
+    tall, wide = model.ensemble.patch
 
     def pairs() -> Iterator[tuple[NDArray[np.floating], NDArray[np.floating]]]:
         for y in range(0, model.height, tall):
-            share = 0.8 + 0.2 * y / model.height
-            if progress is not None and not progress(share, "Measuring the error"):
+            if progress is not None and not progress(y / model.height, "Measuring the error"):
                 raise Cancelled
-            for x in range(0, model.width, model.ensemble.patch[1]):
-                part = (slice(y, y + tall), slice(x, x + model.ensemble.patch[1]))
-                yield dataset.samples[:, :, part[0], part[1]], model.decode(y=part[0], x=part[1])
+            for x in range(0, model.width, wide):
+                part = (slice(y, y + tall), slice(x, x + wide))
+                yield read(*part), model.decode(y=part[0], x=part[1])
 
     found = compare_blocks(pairs())
     snr, mse = found["snr_db"], found["mse"]

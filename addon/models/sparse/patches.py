@@ -51,9 +51,11 @@ def read_patches(
         end = first + 1
         while end < len(origins) and end - first < most and origins[end][0] == y:
             end += 1
-        rows = _inside(y, patch[0], height, dataset.periodic)
+        rows = indices_inside(y, patch[0], height, dataset.periodic)
         band = dataset.samples[:, :, rows]
-        columns = [_inside(x, patch[1], width, dataset.periodic) for _, x in origins[first:end]]
+        columns = [
+            indices_inside(x, patch[1], width, dataset.periodic) for _, x in origins[first:end]
+        ]
         found = np.empty((end - first, *patch, lights, views, 3), np.float32)
         for values, window in zip(found, columns, strict=True):
             values[...] = np.moveaxis(normalised.code(band[:, :, :, window]), (0, 1), (2, 3))
@@ -69,7 +71,8 @@ def channels_of(patches: NDArray[np.float32], key: str) -> NDArray[np.float32]:
     return np.ascontiguousarray(patches[..., CHANNELS.index(key)])
 
 
-def _inside(first: int, count: int, size: int, periodic: bool) -> slice | NDArray[np.intp]:
+def indices_inside(first: int, count: int, size: int, periodic: bool) -> slice | NDArray[np.intp]:
+    """The `count` texels from the one numbered `first` on along an axis, over its end or not."""
     if first + count <= size:
         return slice(first, first + count)
     indices = np.arange(first, first + count)

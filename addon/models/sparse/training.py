@@ -173,8 +173,8 @@ def _check(
         reason = Ensemble(patch, first.light, first.view, {}, 0.0).misfit(dataset)
         if reason:
             raise NacreError(
-                f"{dataset.path.name}: an ensemble is for one set of directions, but compared with "
-                f"{first.path.name} {reason}"
+                f"{dataset.path.name}: an ensemble is for one set of directions, and that of "
+                f"{first.path.name} is another: {reason}"
             )
         sizes = (dataset.sizes["y"], dataset.sizes["x"])
         if min(patch) < 1 or patch[0] > sizes[0] or patch[1] > sizes[1]:

@@ -41,10 +41,16 @@ class Normalisation:
         self, values: NDArray[np.float32], light: NDArray[np.intp], view: NDArray[np.intp]
     ) -> NDArray[np.float32]:
         """Linear colours of normalised Y, U, V (lights, views, ..., 3) of some lights and views."""
+        return to_linear_rgb(self.logarithms(values, light, view), self.offset)
+
+    def logarithms(
+        self, values: NDArray[np.float32], light: NDArray[np.intp], view: NDArray[np.intp]
+    ) -> NDArray[np.float32]:
+        """Y, U, V of the logarithm that are behind normalised ones."""
         part = np.ix_(light, view)
         values = values * _spread(self.deviation[part], values)
         values += _spread(self.mean[part], values)
-        return to_linear_rgb(values, self.offset)
+        return values
 
 
 def to_log_yuv(rgb: NDArray[np.floating], offset: float) -> NDArray[np.float32]:
