@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 
 from .clustered_tucker import ClusteredTucker
-from .exr import load_model
+from .exr import load_btf, load_model
 from .exr_arrays import read_description
-from .sparse.files import MODEL, load_sparse
+from .sparse.files import MODEL, load_progressively, load_sparse
 from .sparse.model import SparseBtf
 
 Model = ClusteredTucker | SparseBtf
@@ -18,3 +18,16 @@ def load_any(path: str | os.PathLike[str]) -> Model:
     if read_description(path).get("model") == MODEL:
         return load_sparse(path)
     return load_model(path)
+
+
+def load_first(path: str | os.PathLike[str]) -> Model:
+    """What can be shown first of a BTF: of sparse codes, a low quality out of the first part of the
+    file. NacreError as for `load_any`, and for occlusion."""
+    if read_description(path).get("model") == MODEL:
+        return next(load_progressively(path))
+    return load_btf(path)
+
+
+def quality_of_model(model: Model) -> int:
+    """Latent-equivalents of sparse codes; 0 for a model that has no such thing."""
+    return model.quality if isinstance(model, SparseBtf) else 0

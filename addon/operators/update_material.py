@@ -23,12 +23,15 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Work:
         from ..datasets.occlusion import MAPPINGS
-        from ..models.exr import load_model
+        from ..models.any_model import load_any, quality_of_model
+        from ..models.sparse.model import SparseBtf
         from ..nodes.kept_world import environment_for, kept_world
-        from ..tables.tables import build_tables
+        from ..tables.any_tables import build_any_tables
 
         self._material = context.object.active_material
         files = self._material.nacre
+        # The slider stays where it is, on a file that had one before.
+        wanted = files.quality if files.file_quality else None
         kept = kept_world(self._material.node_tree)
         paths = {
             part: Path(bpy.path.abspath(getattr(files, part)))
@@ -42,11 +45,16 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
 
             found = {}
             for number, (part, path) in enumerate(paths.items()):
-                model = load_model(path)
-                wanted = "occlusion" if part == "occlusion" else "btf"
-                if model.kind != wanted:
-                    raise NacreError(f"{path}: a model of {model.kind}; expected one of {wanted}")
-                tables = build_tables(model, progress=share(number))
+                model = load_any(path)
+                kind = "occlusion" if part == "occlusion" else "btf"
+                if model.kind != kind:
+                    raise NacreError(f"{path}: a model of {model.kind}; expected one of {kind}")
+                if part == "model":
+                    self._best = quality_of_model(model)
+                    self._shown = min(wanted or self._best, self._best)
+                    if isinstance(model, SparseBtf):
+                        model = model.truncated(self._shown)
+                tables = build_any_tables(model, progress=share(number))
                 if part == "occlusion":
                     mapping = MAPPINGS.get(model.dataset.get("value", ""), MAPPINGS["mask"])
                     found[part] = tables, mapping
@@ -58,9 +66,12 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
 
     def finish(self, context: bpy.types.Context, result: Any) -> None:
         from ..nodes.material import set_coverage, set_final_tables, set_tables
+        from ..quality_slider import set_quality
 
         if "model" in result:
             set_tables(self._material, *result["model"])
         set_final_tables(self._material, *result.get("final_model", (None,)))
         set_coverage(self._material, *result.get("occlusion", (None,)))
+        if "model" in result:
+            set_quality(self._material, self._shown, self._shown, self._best)
         self.report({"INFO"}, f"Updated the material {self._material.name}")

@@ -13,10 +13,16 @@ from small_btf import hemisphere, write_dataset
 from addon.errors import Cancelled, NacreError
 from addon.models.any_model import load_any
 from addon.models.exr import load_model
-from addon.models.sparse import authors, training
+from addon.models.sparse import authors, files, training
 from addon.models.sparse.coding import code, measure
 from addon.models.sparse.ensemble import choose, largest_misfit, orthonormal
-from addon.models.sparse.files import load_ensemble, load_sparse, save_ensemble, save_sparse
+from addon.models.sparse.files import (
+    load_ensemble,
+    load_progressively,
+    load_sparse,
+    save_ensemble,
+    save_sparse,
+)
 from addon.models.sparse.interpolation import at_directions, weights
 from addon.models.sparse.model import quality_of, sparsity_of
 from addon.models.sparse.patches import overlapping, read_patches, tiling
@@ -274,6 +280,61 @@ def test_a_file_cut_anywhere_loads_to_less_or_is_refused(path, tmp_path):
         for key in "YUV":
             np.testing.assert_array_equal(loaded.codes[key].values, kept.codes[key].values)
     assert seen == sorted(seen) and seen[0] == 0 and len(set(seen)) > 3
+
+
+@pytest.fixture(scope="module")
+def large(dataset, ensemble, tmp_path_factory):
+    """A file that is more coefficients than headers."""
+    path = tmp_path_factory.mktemp("large") / "m.exr"
+    save_sparse(code(dataset, ensemble, EVERY), path)
+    return path
+
+
+def test_a_file_is_shown_while_it_is_read(large):
+    whole = load_sparse(large)
+    found = list(load_progressively(large))
+    qualities = [one.quality for one in found]
+    assert qualities == sorted(set(qualities)) and len(found) > 1
+    assert found[-1].complete and not found[0].complete
+    for one in found:
+        np.testing.assert_array_equal(one.decode(), whole.truncated(one.quality).decode())
+
+
+def test_what_is_read_of_a_cut_file_ends_with_what_is_whole(large, tmp_path):
+    data = large.read_bytes()
+    cut = tmp_path / "cut.exr"
+    cut.write_bytes(data[: int(0.9 * len(data))])
+    *_, last = load_progressively(cut)
+    assert last.quality == load_sparse(cut).quality < load_sparse(large).quality
+    assert not last.complete
+    cut.write_bytes(data[: len(data) // 20])
+    with pytest.raises(NacreError) as error:
+        next(load_progressively(cut))
+    one_line(error, "cut.exr")
+    with pytest.raises(NacreError):
+        next(load_progressively(tmp_path / "absent.exr"))
+
+
+def test_a_file_is_read_no_further_than_a_quality_asks_for(large, monkeypatch):
+    calls = []
+
+    def counted(path):
+        for model in load_progressively(path):
+            calls.append(model.quality)
+            yield model
+
+    monkeypatch.setattr(files, "load_progressively", counted)
+    file = files.OpenFile(large)
+    best = load_sparse(large).quality
+    low = list(file.up_to(1))
+    assert [one.quality for one in low] == [1] and calls[-1] < best
+    steps = list(file.up_to(best))
+    assert steps[-1].quality == best == calls[-1] and len(steps) > 1
+    before = list(calls)
+    assert [one.quality for one in file.up_to(4)] == [4]
+    assert [one.quality for one in file.up_to(best + 10)] == [best]
+    assert calls == before  # read once
+    assert files.promised_quality(large) == best
 
 
 def test_damage_is_never_taken_for_samples(path, tmp_path):
