@@ -27,7 +27,7 @@ from addon.models.fit import compress, quality_settings
 from addon.nodes import evaluation
 from addon.nodes.graph import Graph, Wire
 from addon.nodes.material import material_from_tables, set_lights
-from addon.nodes.packed_tables import Shapes
+from addon.nodes.packed_tensor import Shapes
 from addon.nodes.texel_group import Level
 from addon.render.engines import render_pixels, set_engine
 from addon.render.stage import add_camera, add_mesh, add_sun, new_scene

@@ -23,7 +23,7 @@ from addon.nodes.atlas import make_image
 from addon.nodes.graph import Graph
 from addon.nodes.kept_world import KeptWorld
 from addon.nodes.material import group_of, material_from_tables, set_environment, set_lights
-from addon.nodes.packed_tables import ATLASES, stored
+from addon.nodes.packed_tables import stored
 from addon.render.engines import engine_id, set_engine
 from addon.render.stage import add_camera, add_mesh, add_sun, new_scene
 from addon.tables.environment import build_environment
@@ -173,7 +173,7 @@ def nodes_of(tree: bpy.types.ShaderNodeTree) -> int:
 def megabytes(material: bpy.types.Material) -> float:
     """Of the images, as full floats."""
     packed = stored(group_of(material))
-    images = [getattr(packed, part).image for part in ATLASES if getattr(packed, part)]
+    images = [atlas.image for atlas in packed.atlases.values()]
     return sum(16 * image.size[0] * image.size[1] for image in images) / 1e6
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 
+from ..errors import NacreError
 from .clustered_tucker import ClusteredTucker
-from .exr import load_btf, load_model
+from .exr import load_model
 from .exr_arrays import read_description
 from .sparse.files import MODEL, load_progressively, load_sparse
 from .sparse.model import SparseBtf
@@ -20,12 +21,23 @@ def load_any(path: str | os.PathLike[str]) -> Model:
     return load_model(path)
 
 
+def load_shown(path: str | os.PathLike[str]) -> Model:
+    """Read a model to be shown by itself; NacreError also when it is one of occlusion."""
+    model = load_any(path)
+    if model.kind != "btf":
+        raise NacreError(
+            f"{path}: a model of {model.kind} has no colours; give it to a BTF's material as its "
+            "Occlusion"
+        )
+    return model
+
+
 def load_first(path: str | os.PathLike[str]) -> Model:
     """What can be shown first of a BTF: of sparse codes, a low quality out of the first part of the
     file. NacreError as for `load_any`, and for occlusion."""
     if read_description(path).get("model") == MODEL:
         return next(load_progressively(path))
-    return load_btf(path)
+    return load_shown(path)
 
 
 def quality_of_model(model: Model) -> int:

@@ -19,7 +19,7 @@ from .exr_arrays import (
     write_arrays,
 )
 
-__all__ = ["check_destination", "is_model", "load_btf", "load_model", "read_picture", "save_model"]
+__all__ = ["check_destination", "is_model", "load_model", "read_picture", "save_model"]
 
 
 _SPARSE = {
@@ -73,14 +73,3 @@ def load_model(path: str | os.PathLike[str]) -> ClusteredTucker:
         )
     except KeyError as error:
         raise NacreError(f"{path}: the model has no {error}; compress the dataset again") from error
-
-
-def load_btf(path: str | os.PathLike[str]) -> ClusteredTucker:
-    """Read a model to be shown by itself; NacreError also when it is one of occlusion."""
-    model = load_model(path)
-    if model.kind != "btf":
-        raise NacreError(
-            f"{path}: a model of {model.kind} has no colours; give it to a BTF's material as its "
-            "Occlusion"
-        )
-    return model

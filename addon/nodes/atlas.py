@@ -54,8 +54,8 @@ def lay_out(name: str, blocks: NDArray[np.float32]) -> tuple[NDArray[np.float32]
     if max(across * columns * width, up * rows * height) > LARGEST:
         raise NacreError(
             f"{name}: its tables need a texture of {across * columns * width} x "
-            f"{up * rows * height} texels and {LARGEST} is the limit; compress with fewer clusters "
-            "or lower ranks"
+            f"{up * rows * height} texels and {LARGEST} is the limit; compress it to a "
+            "smaller model"
         )
     grid = np.zeros((across, up, rows * columns, height, width, 4), np.float32)
     grid[:, :, :tiles] = blocks

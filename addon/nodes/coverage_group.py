@@ -10,7 +10,8 @@ import bpy
 from .evaluation import Evaluation
 from .graph import Graph
 from .loops import clear
-from .packed_tables import PackedTables, is_holder, store, stored
+from .packed_tables import is_holder, store, stored
+from .packed_tensor import PackedTensor
 from .texel_group import make_texel_group
 
 _SOCKETS = (
@@ -22,7 +23,7 @@ _SOCKETS = (
 
 
 def make_coverage_group(
-    name: str, packed: PackedTables, mapping: tuple[float, float]
+    name: str, packed: PackedTensor, mapping: tuple[float, float]
 ) -> bpy.types.ShaderNodeTree:
     """A group whose Alpha is that of occlusion; `mapping` is Eq. 26's threshold and weight."""
     tree = bpy.data.node_groups.new(name, "ShaderNodeTree")

@@ -16,7 +16,7 @@ from .footprint import level_group
 from .graph import Graph, Operand, Wire
 from .lookups import look_up, parabolic
 from .loops import choose, repeat
-from .packed_tables import PackedTables, Shapes
+from .packed_tensor import PackedTensor, Shapes
 from .texel_group import Level, contract_view, taps
 
 FINER = 1.0
@@ -30,7 +30,7 @@ class Evaluation:
     def __init__(
         self,
         g: Graph,
-        packed: PackedTables,
+        packed: PackedTensor,
         texel_group: bpy.types.ShaderNodeTree,
         uv: Wire,
         view: Wire,

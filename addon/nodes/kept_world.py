@@ -9,9 +9,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..tables.any_tables import AnyTables
 from ..tables.environment import EnvironmentTable, build_environment
 from ..tables.light_lobes import light_lobes
-from ..tables.tables import Tables
+from ..tables.sparse_tables import SparseTables
 from .atlas import make_image
 
 _NODE = "Nacre World"
@@ -59,7 +60,9 @@ def kept_world(tree: bpy.types.ShaderNodeTree) -> KeptWorld | None:
     return KeptWorld(pixels[..., :3], *json.loads(tree[_KEY]))
 
 
-def environment_for(kept: KeptWorld | None, tables: Tables) -> EnvironmentTable | None:
+def environment_for(kept: KeptWorld | None, tables: AnyTables) -> EnvironmentTable | None:
     """The light basis of tables under a kept world; touches nothing of Blender, so that it can run
-    on a thread."""
-    return None if kept is None else build_environment(light_lobes(tables), kept.radiance)
+    on a thread. None for sparse tables, too, whose lights do not add up."""
+    if kept is None or isinstance(tables, SparseTables):
+        return None
+    return build_environment(light_lobes(tables), kept.radiance)

@@ -11,17 +11,42 @@ from .graph import Graph, Operand, Wire
 def parabolic(g: Graph, direction: Wire, size: int) -> tuple[Wire, Wire]:
     """Where a direction's texel is in a parabolic map of `size`, in parts of the map
     (tables.parabolic)."""
+    centre, radius = (size // 2 + 0.5) / size, (size // 2 - 1) / size
+    x, y = (g.math("MULTIPLY_ADD", p, radius, centre) for p in _projected(g, direction))
+    return x, y
+
+
+def place_between(g: Graph, direction: Wire, size: int) -> tuple[Wire, Wire]:
+    """The same in texels, whose centres are whole numbers (tables.parabolic.place_of)."""
+    centre, radius = float(size // 2), float(size // 2 - 1)
+    x, y = (g.math("MULTIPLY_ADD", p, radius, centre) for p in _projected(g, direction))
+    return x, y
+
+
+def _projected(g: Graph, direction: Wire) -> tuple[Wire, Wire]:
     x, y, z = g.separate(direction)
     reach = g.length(g.combine(x, y))
     divisor = g.math("MAXIMUM", g.math("MAXIMUM", z + 1.0, reach), 1e-6)
-    centre, radius = (size // 2 + 0.5) / size, (size // 2 - 1) / size
-    across, up = (g.math("MULTIPLY_ADD", p / divisor, radius, centre) for p in (x, y))
-    return across, up
+    return x / divisor, y / divisor
+
+
+def fetch_texel(g: Graph, image: bpy.types.Image, x: Operand, y: Operand) -> tuple[Wire, Wire]:
+    """Colour and alpha of the texel at a texture coordinate, with Closest: EEVEE's other filters
+    use mipmaps, which draw seams where the texture coordinate jumps at a tile's edge."""
+    node = g.node(
+        "ShaderNodeTexImage",
+        g.combine(x, y),
+        image=image,
+        interpolation="Closest",
+        extension="EXTEND",
+    )
+    # Set to what it is: only then EEVEE sees that the node's own mapping does nothing.
+    node.texture_mapping.translation = (0.0, 0.0, 0.0)
+    return g.wire(node, "Color"), g.wire(node, "Alpha")
 
 
 class Lookup:
-    """A place within the tiles of an atlas, read with Closest: EEVEE's other filters use mipmaps,
-    which draw seams where the texture coordinate jumps at a tile's edge.
+    """A place within the tiles of an atlas.
 
     Columns and rows of tiles are shifted to once each and as scalars: EEVEE keeps the constants of
     all nodes in 64 kB, and an image node's own mapping would take 96 bytes of that for each texel.
@@ -37,20 +62,14 @@ class Lookup:
         """The four values of the texel in a tile."""
         row, column = divmod(tile, self.atlas.columns)
         step_x, step_y, _ = self.atlas.scale
-        place = self.g.combine(
-            self._shifted(self.columns, column, step_x), self._shifted(self.rows, row, step_y)
+        colour, alpha = fetch_texel(
+            self.g,
+            self.atlas.image,
+            self._shifted(self.columns, column, step_x),
+            self._shifted(self.rows, row, step_y),
         )
-        node = self.g.node(
-            "ShaderNodeTexImage",
-            place,
-            image=self.atlas.image,
-            interpolation="Closest",
-            extension="EXTEND",
-        )
-        # Set to what it is: only then EEVEE sees that the node's own mapping does nothing.
-        node.texture_mapping.translation = (0.0, 0.0, 0.0)
-        colour = self.g.node("ShaderNodeSeparateColor", self.g.wire(node, "Color"))
-        return [*(Wire(self.g, output) for output in colour.outputs), self.g.wire(node, "Alpha")]
+        separated = self.g.node("ShaderNodeSeparateColor", colour)
+        return [*(Wire(self.g, output) for output in separated.outputs), alpha]
 
     @property
     def x(self) -> Wire:

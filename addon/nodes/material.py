@@ -9,6 +9,7 @@ import numpy as np
 from mathutils import Vector
 from numpy.typing import NDArray
 
+from ..tables.any_tables import AnyTables
 from ..tables.environment import EnvironmentTable
 from ..tables.tables import Tables
 from .coordinates import make_coordinates, stored_coordinates
@@ -34,7 +35,7 @@ FINAL_NODE = "Nacre Final Model"
 
 
 def material_from_tables(
-    tables: Tables, name: str, lights: Owner | None = None
+    tables: AnyTables, name: str, lights: Owner | None = None
 ) -> bpy.types.Material:
     """A material that evaluates a model's tables, lit by the lights of a scene or collection.
 
@@ -75,7 +76,7 @@ def set_repeat(material: bpy.types.Material, across: float, up: float) -> None:
 
 
 def set_tables(
-    material: bpy.types.Material, tables: Tables, environment: EnvironmentTable | None = None
+    material: bpy.types.Material, tables: AnyTables, environment: EnvironmentTable | None = None
 ) -> None:
     """Show other tables in place: what is linked to the material's nodes stays, and so does a map
     of coordinates if there are as many texels. `environment` is `environment_for` these tables."""
@@ -86,9 +87,9 @@ def set_tables(
     _light_by_kept_world(material, group, environment)
 
 
-def _same_texels(group: bpy.types.ShaderNodeTree, tables: Tables) -> bool:
+def _same_texels(group: bpy.types.ShaderNodeTree, tables: AnyTables) -> bool:
     shapes = stored(group).shapes
-    return (shapes.height, shapes.width) == tables.core.shape[4:6]
+    return (shapes.height, shapes.width) == (tables.height, tables.width)
 
 
 def _light_by_kept_world(
@@ -179,7 +180,7 @@ def set_environment(
 
 def set_final_tables(
     material: bpy.types.Material,
-    tables: Tables | None,
+    tables: AnyTables | None,
     environment: EnvironmentTable | None = None,
 ) -> None:
     """Tables that take the place of others while a final render runs; None for the same ones.

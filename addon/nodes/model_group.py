@@ -2,7 +2,7 @@
 
 Nacre MODEL          UV, View, Tangent, Bitangent, Normal -> Value
   Nacre Lights       directions and radiances (light_set)
-  Nacre MODEL Texel  the core at one texel (texel_group)
+  Nacre MODEL Texel  the core of a tensor model at one texel (texel_group)
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ from .packed_environment import (
     store_environment,
     stored_environment,
 )
-from .packed_tables import HOLDER, PackedTables, is_holder, store, stored
+from .packed_sparse import PackedSparse
+from .packed_tables import HOLDER, Packed, is_holder, store, stored
+from .packed_tensor import PackedTensor
+from .sparse_evaluation import SparseEvaluation, colour_of, nearest_texel
 from .texel_group import make_texel_group
 from .turning import follow_world, turned
 
@@ -44,7 +47,7 @@ _SCALE = "World Scale"
 
 
 def make_model_group(
-    name: str, packed: PackedTables, lights: bpy.types.ShaderNodeTree | None
+    name: str, packed: Packed, lights: bpy.types.ShaderNodeTree | None
 ) -> bpy.types.ShaderNodeTree:
     """A group with inputs SOCKETS and the output Value: linear radiance under all lights of a light
     set, that of the material clamped at 0 for each."""
@@ -60,7 +63,7 @@ def make_model_group(
 
 def show_tables(
     tree: bpy.types.ShaderNodeTree,
-    packed: PackedTables,
+    packed: Packed,
     lights: bpy.types.ShaderNodeTree | None,
 ) -> None:
     """Let a group show other tables; its sockets, and so all links to it, stay."""
@@ -70,19 +73,20 @@ def show_tables(
         tree.nodes.remove(holder)
     store(tree, packed)
     store_environment(tree, None)  # it was convolved with other rows
-    holder = tree.nodes.new("ShaderNodeGroup")
-    holder.node_tree = make_texel_group(f"{tree.name} Texel", packed)
-    holder.name = holder.label = _TEXEL
-    holder.location, holder.hide = (-400.0, 60.0), True
+    if isinstance(packed, PackedTensor):
+        holder = tree.nodes.new("ShaderNodeGroup")
+        holder.node_tree = make_texel_group(f"{tree.name} Texel", packed)
+        holder.name = holder.label = _TEXEL
+        holder.location, holder.hide = (-400.0, 60.0), True
     show_lights(tree, lights)
 
 
 def remove_model_group(tree: bpy.types.ShaderNodeTree) -> None:
     """Remove a group with all that was made for it."""
     clear(tree, keep=is_holder)
-    texel = tree.nodes[_TEXEL].node_tree
+    texels = [node.node_tree for node in tree.nodes if node.name == _TEXEL]
     images = [node.image for node in tree.nodes if node.type == "TEX_IMAGE"]
-    for item in (tree, texel):
+    for item in (tree, *texels):
         bpy.data.node_groups.remove(item)
     for image in images:
         bpy.data.images.remove(image)
@@ -157,7 +161,7 @@ def parted_from(tree: bpy.types.ShaderNodeTree) -> str | None:
 
 def _write(
     tree: bpy.types.ShaderNodeTree,
-    packed: PackedTables,
+    packed: Packed,
     lights: bpy.types.ShaderNodeTree | None,
 ) -> None:
     g = Graph(tree)
@@ -169,16 +173,33 @@ def _write(
         node.name = node.label = _LIGHTS
         outputs = [Wire(g, output) for output in node.outputs]
         directions, radiances = outputs[::2], outputs[1::2]
+    if isinstance(packed, PackedSparse):
+        total = _lit_sparse(g, packed, uv, view, frame, directions, radiances)
+    else:
+        total = _lit_tensor(g, packed, uv, view, frame, directions, radiances)
+    g.node("NodeGroupOutput", total)
+
+
+def _lit_tensor(
+    g: Graph,
+    packed: PackedTensor,
+    uv: Wire,
+    view: Wire,
+    frame: list[Wire],
+    directions: list[Wire],
+    radiances: list[Wire],
+) -> Wire:
+    """The radiance under all lights and the world."""
     total = g.combine(0.0, 0.0, 0.0)
-    environment = stored_environment(tree)
+    environment = stored_environment(g.tree)
     if directions or environment:
-        texel_group = tree.nodes[_TEXEL].node_tree
-        evaluation = Evaluation(g, packed, texel_group, uv, view, stored_coordinates(tree))
+        texel_group = g.tree.nodes[_TEXEL].node_tree
+        evaluation = Evaluation(g, packed, texel_group, uv, view, stored_coordinates(g.tree))
     if directions:
 
         def add_light(g: Graph, index: Wire | int, state: list[Wire]) -> list[Wire]:
             direction = choose(g, index, directions)
-            value = evaluation.value(g, g.combine(*(g.dot(direction, axis) for axis in frame)))
+            value = evaluation.value(g, in_frame(g, direction, frame))
             radiance = choose(g, index, radiances)
             lit = g.node(
                 "ShaderNodeVectorMath", g.combine(*value), radiance, operation="MULTIPLY_ADD"
@@ -189,7 +210,35 @@ def _write(
         (total,) = repeat(g, len(directions), [(0.0, 0.0, 0.0)], add_light)
     if environment:
         total = total + _from_world(g, evaluation, environment, frame)
-    g.node("NodeGroupOutput", total)
+    return total
+
+
+def _lit_sparse(
+    g: Graph,
+    packed: PackedSparse,
+    uv: Wire,
+    view: Wire,
+    frame: list[Wire],
+    directions: list[Wire],
+    radiances: list[Wire],
+) -> Wire:
+    """The radiance under all lights."""
+    total = g.combine(0.0, 0.0, 0.0)
+    if not directions:
+        return total
+    shapes = packed.shapes
+    lights = [in_frame(g, direction, frame) for direction in directions]
+    texel = nearest_texel(g, uv, shapes.height, shapes.width, stored_coordinates(g.tree))
+    values = SparseEvaluation(g, packed, texel, view).log_values(g, lights)
+    for own, light, radiance in zip(values, lights, radiances, strict=True):
+        colour = colour_of(g, own, shapes.offset, shapes.lowest, light)
+        total = total + g.operate("MULTIPLY", colour, radiance)
+    return total
+
+
+def in_frame(g: Graph, direction: Wire, frame: list[Wire]) -> Wire:
+    """A direction of the world in the tangent frame."""
+    return g.combine(*(g.dot(direction, axis) for axis in frame))
 
 
 def _from_world(

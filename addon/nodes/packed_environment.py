@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from ..tables.environment import EnvironmentTable
 from .atlas import Atlas, cut_out, lay_out, make_image
-from .packed_tables import HOLDER, Shapes
+from .packed_tables import HOLDER
+from .packed_tensor import Shapes
 
 _KEY = "nacre_environment"
 _NODE = f"{HOLDER}Environment"

@@ -6,160 +6,77 @@ With these a tree can be written anew, for other lights, without the model at ha
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 
 import bpy
-import numpy as np
 
-from ..tables.levels import count_beside, levels_beside
-from ..tables.tables import Tables
-from .atlas import Atlas, cut_out, make_atlas
+from ..tables.any_tables import AnyTables
+from ..tables.sparse_tables import SparseTables
+from .atlas import Atlas
+from .packed_sparse import PackedSparse, pack_sparse, unpack_sparse
+from .packed_tensor import PackedTensor, pack_tensor, unpack_tensor
 
-_SHAPES = "nacre_shapes"
 HOLDER = "Table: "
-ATLASES = ("core", "view", "index", "light")
+_SHAPES = "nacre_shapes"
+
+Packed = PackedTensor | PackedSparse
+_KINDS: dict[str, type[Packed]] = {"tensor": PackedTensor, "sparse": PackedSparse}
 
 
-@dataclass(frozen=True)
-class Shapes:
-    """Sizes of the arrays of Tables; no light rows for occlusion."""
-
-    clusters: tuple[int, int]  # of lights, of views
-    light_rank: int
-    light_owners: int
-    light_mixtures: int
-    light_quads: int
-    view_owners: int
-    view_mixtures: int
-    view_quads: int
-    channels: int
-    height: int
-    width: int
-    size: int
-    levels: int = 0  # halved copies beside the core
-
-    @property
-    def tile(self) -> tuple[int, int]:
-        """Height and width of the core's tiles, levels included."""
-        return self.height, self.width + (self.width // 2 if self.levels else 0)
-
-    @property
-    def reduced_once(self) -> bool:
-        """Whether the core contracted with the view serves all lights."""
-        return self.clusters[0] == 1
-
-    @property
-    def views_apart(self) -> bool:
-        """Whether light rows differ from one of the view's clusters to the next."""
-        return self.light_owners > 1
+def pack(name: str, tables: AnyTables) -> Packed:
+    """Make the images of a model. Raises NacreError when its tables do not fit a texture."""
+    if isinstance(tables, SparseTables):
+        return pack_sparse(name, tables)
+    return pack_tensor(name, tables)
 
 
-@dataclass(frozen=True)
-class PackedTables:
-    """Four images at most, however many lights there are."""
-
-    shapes: Shapes
-    core: Atlas
-    view: Atlas
-    index: Atlas
-    light: Atlas | None
+def unpack(packed: Packed) -> AnyTables:
+    """The tables that were packed."""
+    if isinstance(packed, PackedSparse):
+        return unpack_sparse(packed)
+    return unpack_tensor(packed)
 
 
-def pack(name: str, tables: Tables) -> PackedTables:
-    """Make the images of a model. Raises NacreError when its tables do not fit a texture.
-
-    Clusters of lights go across and clusters of views up in each of them, so that a cluster is one
-    fraction of the width or of the height whatever it is looked up in; so are a light's mixtures.
-    """
-    size = tables.size
-    blocks = {
-        "core": levels_beside(
-            tables.core.reshape(*tables.core.shape[:2], -1, *tables.core.shape[4:])
-        ),
-        "view": tables.view.reshape(len(tables.view), 1, -1, size, size, 4),
-        "index": _indices(tables)[None, None],
-    }
-    if tables.light is not None:
-        light = np.moveaxis(tables.light, 2, 0)
-        blocks["light"] = light.reshape(*light.shape[:2], -1, size, size, 4)
-    atlases: dict[str, Atlas] = {}
-    try:
-        for part, array in blocks.items():
-            atlases[part] = make_atlas(f"{name} {part.title()}", array)
-    except Exception:
-        for atlas in atlases.values():
-            bpy.data.images.remove(atlas.image)
-        raise
-    return PackedTables(_shapes(tables), **{part: atlases.get(part) for part in ATLASES})
-
-
-def store(tree: bpy.types.ShaderNodeTree, packed: PackedTables) -> None:
-    """Keep what was packed with a node group; images that it kept before are removed.
+def store(tree: bpy.types.ShaderNodeTree, packed: Packed | None, place: str = "") -> None:
+    """Keep what was packed with a node group, or none; images that it kept before are removed.
 
     Nodes without links hold the images: a property that points at them counts their users wrongly
-    in Blender 4.5.
+    in Blender 4.5. `place` tells several that a group keeps from each other.
     """
-    before = [node.image for part in ATLASES if (node := _holder(tree, part)) is not None]
-    grids = {}
-    for part in ATLASES:
-        atlas, node = getattr(packed, part), _holder(tree, part)
+    prefix = HOLDER + place
+    kept = json.loads(tree.get(_SHAPES + place, "{}"))
+    before = [tree.nodes.get(prefix + part.title()) for part in kept.get("grids", ())]
+    images = [node.image for node in before if node is not None]
+    for node in before:
         if node is not None:
             tree.nodes.remove(node)
-        if atlas is not None:
-            node = tree.nodes.new("ShaderNodeTexImage")
-            node.image, node.interpolation, node.hide = atlas.image, "Closest", True
-            node.name = node.label = HOLDER + part.title()
-            node.location = (-400.0, -60.0 * len(grids))
-            grids[part] = atlas.across, atlas.up, atlas.columns, atlas.rows
-    kept = [getattr(packed, part).image for part in grids]
-    for image in before:
-        if image is not None and image not in kept:
+    atlases = packed.atlases if packed is not None else {}
+    for number, (part, atlas) in enumerate(atlases.items()):
+        node = tree.nodes.new("ShaderNodeTexImage")
+        node.image, node.interpolation, node.hide = atlas.image, "Closest", True
+        node.name = node.label = prefix + part.title()
+        node.location = (-400.0, -60.0 * number)
+    held = [atlas.image for atlas in atlases.values()]
+    for image in images:
+        if image is not None and image not in held:
             bpy.data.images.remove(image)
-    tree[_SHAPES] = json.dumps({"shapes": asdict(packed.shapes), "grids": grids})
+    if packed is None:
+        tree.pop(_SHAPES + place, None)
+        return
+    kind = next(name for name, own in _KINDS.items() if isinstance(packed, own))
+    grids = {part: (own.across, own.up, own.columns, own.rows) for part, own in atlases.items()}
+    described = {"kind": kind, "shapes": asdict(packed.shapes), "grids": grids}
+    tree[_SHAPES + place] = json.dumps(described)
 
 
-def stored(tree: bpy.types.ShaderNodeTree) -> PackedTables:
+def stored(tree: bpy.types.ShaderNodeTree, place: str = "") -> Packed:
     """What `store` kept."""
-    kept = json.loads(tree[_SHAPES])
-    shapes = Shapes(**{**kept["shapes"], "clusters": tuple(kept["shapes"]["clusters"])})
+    kept = json.loads(tree[_SHAPES + place])
     atlases = {
-        part: Atlas(_holder(tree, part).image, *kept["grids"][part])
-        if part in kept["grids"]
-        else None
-        for part in ATLASES
+        part: Atlas(tree.nodes[HOLDER + place + part.title()].image, *grid)
+        for part, grid in kept["grids"].items()
     }
-    return PackedTables(shapes, **atlases)
-
-
-def unpack(packed: PackedTables) -> Tables:
-    """The tables that were packed."""
-    shapes, size = packed.shapes, packed.shapes.size
-    tiles = shapes.light_rank * shapes.view_quads
-    core = cut_out(packed.core, tiles, *shapes.tile)[..., : shapes.width, :]
-    light = None
-    if packed.light is not None:
-        light = cut_out(packed.light, shapes.channels * shapes.light_quads, size, size)
-        light = light.reshape(*light.shape[:2], shapes.channels, shapes.light_quads, size, size, 4)
-        light = np.moveaxis(light, 0, 2)
-    view = cut_out(packed.view, shapes.view_mixtures * shapes.view_quads, size, size)
-    first = -(-shapes.light_mixtures // 4)
-    index = cut_out(packed.index, first - (-shapes.view_mixtures // 4), size, size)[0, 0]
-
-    def clusters(tiles: np.ndarray, mixtures: int, count: int) -> np.ndarray:
-        parts = np.moveaxis(tiles, -1, 1).reshape(-1, size, size)[:mixtures]
-        return np.rint(parts * count).astype(np.uint32)
-
-    return Tables(
-        core=core.reshape(
-            *shapes.clusters, shapes.light_rank, shapes.view_quads, shapes.height, shapes.width, 4
-        ),
-        light=light,
-        view=view.reshape(
-            shapes.view_owners, shapes.view_mixtures, shapes.view_quads, size, size, 4
-        ),
-        light_index=clusters(index[:first], shapes.light_mixtures, shapes.clusters[0]),
-        view_index=clusters(index[first:], shapes.view_mixtures, shapes.clusters[1]),
-    )
+    return _KINDS[kept.get("kind", "tensor")].restored(kept["shapes"], atlases)
 
 
 def is_holder(node: bpy.types.Node) -> bool:
@@ -167,42 +84,11 @@ def is_holder(node: bpy.types.Node) -> bool:
     return node.name.startswith(HOLDER)
 
 
-def _holder(tree: bpy.types.ShaderNodeTree, part: str) -> bpy.types.Node | None:
-    return tree.nodes.get(HOLDER + part.title())
-
-
-def is_packed(tree: bpy.types.NodeTree | None) -> bool:
+def is_packed(tree: bpy.types.NodeTree | None, place: str = "") -> bool:
     """Whether a node group shows a model."""
-    return tree is not None and _SHAPES in tree
+    return tree is not None and _SHAPES + place in tree
 
 
-def _shapes(tables: Tables) -> Shapes:
-    *clusters, rank, quads, height, width, _ = tables.core.shape
-    owners, channels, mixtures, light_quads = (0, 1, 1, 0)
-    if tables.light is not None:
-        owners, channels, mixtures, light_quads = tables.light.shape[:4]
-    return Shapes(
-        clusters=(clusters[0], clusters[1]),
-        light_rank=rank,
-        light_owners=owners,
-        light_mixtures=mixtures,
-        light_quads=light_quads,
-        view_owners=len(tables.view),
-        view_mixtures=tables.view.shape[1],
-        view_quads=quads,
-        channels=channels,
-        height=height,
-        width=width,
-        size=tables.size,
-        levels=count_beside(height, width),
-    )
-
-
-def _indices(tables: Tables) -> np.ndarray:
-    """Where the clusters of lights, then of views, begin: (tiles, N, N, 4), four to a texel."""
-    tiles = []
-    indices = tables.light_index, tables.view_index
-    for index, count in zip(indices, tables.core.shape, strict=False):
-        filled = np.pad(index, [(0, -len(index) % 4), (0, 0), (0, 0)]) / np.float32(count)
-        tiles.append(filled.reshape(-1, 4, *index.shape[1:]).transpose(0, 2, 3, 1))
-    return np.concatenate(tiles).astype(np.float32)
+def is_sparse(tree: bpy.types.NodeTree) -> bool:
+    """Whether a node group shows a sparse model."""
+    return is_packed(tree) and json.loads(tree[_SHAPES]).get("kind") == "sparse"

@@ -10,7 +10,7 @@ import bpy
 from .atlas import Atlas
 from .graph import Graph, Operand, Wire
 from .lookups import Lookup
-from .packed_tables import PackedTables
+from .packed_tensor import PackedTensor
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def taps(
 def contract_view(
     g: Graph,
     group: bpy.types.ShaderNodeTree,
-    packed: PackedTables,
+    packed: PackedTensor,
     around: Sequence[Tap],
     operands: Sequence[Wire],
 ) -> list[Wire]:
@@ -118,7 +118,7 @@ def contract_view(
     return total
 
 
-def make_texel_group(name: str, packed: PackedTables) -> bpy.types.ShaderNodeTree:
+def make_texel_group(name: str, packed: PackedTensor) -> bpy.types.ShaderNodeTree:
     """The core at one texel: its place, a weight, where the light's cluster begins and those of the
     view's mixtures, and their coefficients -> R_light numbers; for each mixture, where light rows
     differ between them.

@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty
 
+from ..errors import NacreError
 from ..jobs import JobOperator, Progress, Work
 from .ready import has_model, is_ready
 
@@ -34,16 +35,23 @@ class NACRE_OT_light_by_world(JobOperator, bpy.types.Operator):
         from ..nodes.material import groups_of
         from ..nodes.packed_tables import stored, unpack
         from ..render.world_light import read_world
+        from ..tables.sparse_tables import SparseTables
 
         self._material = context.object.active_material
         if self.remove:
             return lambda progress: ([], None)
+        models = [unpack(stored(group)) for group in groups_of(self._material)]
+        if isinstance(models[0], SparseTables):
+            raise NacreError(
+                f"{self._material.name}: a sparse model is not lit by worlds, for its values are "
+                "logarithms, which do not add up; light it by lamps, or show a model of another "
+                "method"
+            )
         world = context.scene.world
         light = read_world(world)
         kept = KeptWorld(
             light.radiance, world.name if world else "", light.mapping.name if light.mapping else ""
         )
-        models = [unpack(stored(group)) for group in groups_of(self._material)]
 
         def work(progress: Progress) -> Any:
             found = []

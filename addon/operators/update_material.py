@@ -65,7 +65,9 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
         return work
 
     def finish(self, context: bpy.types.Context, result: Any) -> None:
-        from ..nodes.material import set_coverage, set_final_tables, set_tables
+        from ..nodes.kept_world import kept_world
+        from ..nodes.material import group_of, set_coverage, set_final_tables, set_tables
+        from ..nodes.packed_tables import is_sparse
         from ..quality_slider import set_quality
 
         if "model" in result:
@@ -74,4 +76,8 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
         set_coverage(self._material, *result.get("occlusion", (None,)))
         if "model" in result:
             set_quality(self._material, self._shown, self._shown, self._best)
-        self.report({"INFO"}, f"Updated the material {self._material.name}")
+        shown = self._material.name
+        if kept_world(self._material.node_tree) and is_sparse(group_of(self._material)):
+            self.report({"WARNING"}, f"Updated {shown}: a sparse model is not lit by the world")
+        else:
+            self.report({"INFO"}, f"Updated the material {shown}")

@@ -12,7 +12,7 @@ from ..errors import NacreError
 from ..preview.appearance import Appearance
 from ..preview.flat import FlatEvaluator
 from ..preview.picture import camera_picture
-from ..tables.tables import Tables
+from ..tables.any_tables import AnyTables
 from .engines import set_format
 from .stage import add_camera, add_mesh, add_sun, new_scene, unit
 
@@ -20,7 +20,7 @@ Direction = tuple[float, float]
 
 
 def flat_picture(
-    tables: Tables,
+    tables: AnyTables,
     path: Path,
     light: Direction,
     view: Direction,
@@ -32,7 +32,7 @@ def flat_picture(
 
 
 def object_picture(
-    tables: Tables,
+    tables: AnyTables,
     path: Path,
     mesh: str,
     size: tuple[int, int],

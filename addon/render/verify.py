@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 
 from ..datasets.directions import spherical_to_unit, unit_to_spherical
 from ..errors import Cancelled
-from ..models.clustered_tucker import ClusteredTucker
+from ..models.any_model import Model
 from ..nodes.material import material_from_tables
 from ..preview.flat import FlatEvaluator
 from ..tables.against_model import tables_against_model
-from ..tables.evaluate import evaluate_patch, light_rows, reduced_points
-from ..tables.tables import Tables, build_tables
+from ..tables.any_tables import AnyTables, build_any_tables, evaluate_pictures
+from ..tables.evaluate import light_rows, reduced_points
+from ..tables.sparse_evaluate import evaluate_sparse_patch
+from ..tables.sparse_tables import SparseTables
+from ..tables.tables import Tables
 from .engines import engines_here, render_pixels
 from .pictures import Direction, flat_scene
 from .stage import unit
@@ -26,15 +29,15 @@ PAIRS = 12
 
 
 def verify(
-    model: ClusteredTucker,
+    model: Model,
     engines: Sequence[str] | None = None,
     progress: Callable[[float, str], bool] | None = None,
 ) -> dict[str, dict[str, float]]:
     """Errors of each evaluator, absolute and relative to the mean of what it is compared with; of
     all engines that run here when none are named.
 
-    Engines' pictures of the flat patch are compared with the same tables evaluated on the CPU by
-    the compiled helper, and this, under "cpu", with the sum written out in numpy. Under "tables"
+    Engines' pictures of the flat patch are compared with the same tables evaluated on the CPU, and
+    this, under "cpu", with their sum written out in another way. Under "tables"
     the tables are compared with the model itself on the whole measured grid, clamped at 0. Under
     "fetches", the RGBA texels read for one light at one spatial tap.
     """
@@ -44,7 +47,7 @@ def verify(
             raise Cancelled
 
     step(0.0, "Building tables")
-    tables = build_tables(model)
+    tables = build_any_tables(model)
     engines = engines or engines_here()
     results: dict[str, dict[str, float]] = {"tables": tables_against_model(model, tables)}
     _, _, height, width, _ = model.shape
@@ -52,8 +55,9 @@ def verify(
     for light, view in direction_pairs(model):
         step(0.1, "Evaluating on the CPU")
         lights, views = (spherical_to_unit([d[0]], [d[1]]) for d in (light, view))
-        evaluated.append(evaluate_patch(tables, lights, views)[0, 0])
-        summed.append(_summed(tables, lights, views))
+        patch, otherwise = _on_cpu(tables, lights, views)
+        evaluated.append(patch)
+        summed.append(otherwise)
     expected = np.stack(evaluated)
     results["cpu"] = errors(expected, np.stack(summed))
     for number, engine in enumerate(engines):
@@ -71,6 +75,17 @@ def verify(
     return results
 
 
+def _on_cpu(
+    tables: AnyTables, light: NDArray[np.floating], view: NDArray[np.floating]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The patch (Y, X, channel) for one light and view, evaluated in two ways."""
+    if isinstance(tables, SparseTables):
+        otherwise = evaluate_sparse_patch(tables, light, view)[0]
+    else:
+        otherwise = _summed(tables, light, view)
+    return evaluate_pictures(tables, light, view)[0, 0], otherwise
+
+
 def _summed(
     tables: Tables, light: NDArray[np.floating], view: NDArray[np.floating]
 ) -> NDArray[np.float32]:
@@ -85,7 +100,7 @@ def _summed(
 
 @contextmanager
 def _flat_pictures(
-    engine: str, tables: Tables, size: tuple[int, int]
+    engine: str, tables: AnyTables, size: tuple[int, int]
 ) -> Iterator[Callable[[Direction, Direction], NDArray[np.float32]]]:
     """An engine's pictures (height, width, 3) of the flat patch for a light and a view."""
     if engine == "glsl":
@@ -114,7 +129,7 @@ def errors(seen: NDArray[np.floating], expected: NDArray[np.floating]) -> dict[s
 
 
 def direction_pairs(
-    model: ClusteredTucker,
+    model: Model,
 ) -> list[tuple[tuple[float, float], tuple[float, float]]]:
     """PAIRS of (theta, phi) in degrees for light and view, spread over the measured range; every
     second pair lies on the grid, the others between its directions."""

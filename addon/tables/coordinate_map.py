@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from ..datasets.directions import spherical_to_unit
 from ..errors import Cancelled, NacreError
-from .evaluate import evaluate_patch
-from .tables import Tables
+from .any_tables import AnyTables, evaluate_pictures
 
 SIZE = 256
 """Texels along the map."""
@@ -42,7 +41,7 @@ Coordinates = NDArray[np.intp]  # (..., 2): y and x
 
 
 def synthesize_coordinates(
-    tables: Tables,
+    tables: AnyTables,
     size: int = SIZE,
     seed: int = 0,
     progress: Callable[[float, str], bool] | None = None,
@@ -97,10 +96,10 @@ def _likely_moves(patch: Vectors, rng: np.random.Generator) -> Coordinates:
     return rng.permutation(np.argwhere(peaks))
 
 
-def appearance(tables: Tables) -> Vectors:
+def appearance(tables: AnyTables) -> Vectors:
     """What each texel looks like in several lights and views, its principal components:
     (Y, X, numbers). Square roots keep highlights from counting for all."""
-    values = np.sqrt(evaluate_patch(tables, _LIGHTS, _VIEWS))
+    values = np.sqrt(evaluate_pictures(tables, _LIGHTS, _VIEWS))
     height, width = values.shape[2:4]
     flat = values.transpose(2, 3, 0, 1, 4).reshape(height, width, -1)
     return _principal(flat, _NUMBERS)

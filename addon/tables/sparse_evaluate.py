@@ -76,6 +76,54 @@ def evaluate_sparse_patch(
     return np.array(list(pictures())).reshape(-1, tables.height, tables.width, 3)
 
 
+def evaluate_sparse_grid(
+    tables: SparseTables, light: NDArray[np.floating], view: NDArray[np.floating]
+) -> Iterator[tuple[tuple[slice, slice], NDArray[np.float32]]]:
+    """Rows y and columns x of each patch, and linear colours (light, view, y, x, 3) at its texels
+    for all pairs of unit directions: rows of a direction are read once for all patches."""
+    by_light, by_view = (_taps(own, tables.size) for own in (light, view))
+    tall, wide = tables.patch
+    mean, deviation = (
+        np.einsum("lqe,vqe->lv", _mixed(own.light, by_light), _mixed(own.view, by_view))
+        for own in (tables.mean, tables.deviation)
+    )
+    parts = list(tables.parts.values())
+    rows = [
+        (
+            part.texels.reshape(len(part.texels), -1),
+            _mixed(part.light, by_light),
+            _mixed(part.view, by_view),
+        )
+        for part in parts
+    ]
+    fade = np.clip(light[:, 2] / max(tables.lowest, 1e-6), 0.0, 1.0)[:, None, None, None, None]
+    for up, across in np.ndindex(parts[0].coefficients.shape[1:3]):
+        channels = []
+        for part, (texels, lights, views) in zip(parts, rows, strict=True):
+            value, *numbers = part.coefficients[:, up, across].T
+            texel, of_light, of_view = (own.astype(np.intp) for own in numbers)
+            left = (value[:, None] * texels[texel])[:, None] * lights.T[of_light][:, :, None]
+            whole = left.reshape(len(value), -1).T @ views.T[of_view]
+            channels.append(whole.reshape(len(light), tall * wide, len(view)))
+        values = np.stack(channels, -1).transpose(0, 2, 1, 3)
+        values = values * deviation[:, :, None, None] + mean[:, :, None, None]
+        colours = np.maximum(to_linear_rgb(values.astype(np.float32), tables.offset), 0.0)
+        colours = colours.reshape(len(light), len(view), tall, wide, 3) * fade
+        y, x = slice(up * tall, (up + 1) * tall), slice(across * wide, (across + 1) * wide)
+        y, x = slice(y.start, min(y.stop, tables.height)), slice(x.start, min(x.stop, tables.width))
+        block = colours[:, :, : y.stop - y.start, : x.stop - x.start]
+        yield (y, x), np.asarray(block, np.float32)
+
+
+def _mixed(maps: NDArray[np.float32], taps: _Taps) -> NDArray[np.float32]:
+    """Maps (rows, N, N) at directions: (n, rows); quads (quads, N, N, 4): (n, quads, 4)."""
+    shape = (-1, *(1,) * (maps.ndim - 2))
+    found = sum(
+        w.reshape(shape) * np.moveaxis(maps[:, row, column], 1, 0) for w, row, column in taps
+    )
+    return np.asarray(found, np.float32)
+
+
 def _product(product: Product, by_light: _Taps, by_view: _Taps) -> NDArray[np.float32]:
     light, view = (
         sum(w[:, None] * maps[:, row, column] for w, row, column in taps)

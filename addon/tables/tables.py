@@ -57,6 +57,16 @@ class Tables:
         return self.view_index.shape[-1]
 
     @property
+    def height(self) -> int:
+        """Texels along the patch's y."""
+        return self.core.shape[4]
+
+    @property
+    def width(self) -> int:
+        """Texels along the patch's x."""
+        return self.core.shape[5]
+
+    @property
     def channels(self) -> int:
         """Numbers in a value."""
         return 1 if self.light is None else self.light.shape[1]

@@ -10,7 +10,7 @@ from .arguments import Progress
 if TYPE_CHECKING:
     import bpy
 
-    from ..models.clustered_tucker import ClusteredTucker
+    from ..models.any_model import Model
 
 
 def need_blender() -> None:
@@ -23,9 +23,9 @@ def need_blender() -> None:
         ) from error
 
 
-def build_material(model: ClusteredTucker, name: str, progress: Progress) -> bpy.types.Material:
+def build_material(model: Model, name: str, progress: Progress) -> bpy.types.Material:
     """A material that shows a model."""
     from ..nodes.material import material_from_tables
-    from ..tables.tables import build_tables
+    from ..tables.any_tables import build_any_tables
 
-    return material_from_tables(build_tables(model, progress=progress), name)
+    return material_from_tables(build_any_tables(model, progress=progress), name)

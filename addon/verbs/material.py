@@ -16,12 +16,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     need_blender()
-    from ..models.exr import load_btf
+    from ..models.any_model import load_shown
     from ..render.blend_file import write_blend
 
     if options.out.suffix.lower() != ".blend":
         raise NacreError(f"{options.out}: expected a name that ends in .blend")
-    material = build_material(load_btf(options.model), options.model.stem, progress)
+    material = build_material(load_shown(options.model), options.model.stem, progress)
     write_blend(options.out, material)
     return {
         "material": material.name,

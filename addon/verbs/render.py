@@ -28,20 +28,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     need_blender()
-    from ..models.exr import load_btf
+    from ..models.any_model import load_shown
     from ..render.engines import check_picture, render_to
     from ..render.pictures import flat_scene, object_scene
 
     check_picture(options.out, options.engine)
     if options.model.suffix == ".blend":
         return _render_scene(options)
-    model = load_btf(options.model)
+    model = load_shown(options.model)
     started = time.monotonic()
     if options.engine == "glsl":
         from ..render.glsl import flat_picture, object_picture
-        from ..tables.tables import build_tables
+        from ..tables.any_tables import build_any_tables
 
-        tables = build_tables(model, progress=progress)
+        tables = build_any_tables(model, progress=progress)
         if options.mesh == "plane":
             view = options.view or (0.0, 0.0)
             flat_picture(tables, options.out, options.light, view, options.size)

@@ -18,12 +18,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     need_blender()
-    from ..models.exr import load_btf
+    from ..models.any_model import load_shown
     from ..render.engines import ENGINES
     from ..render.verify import verify
 
     for engine in options.engine or ():
         if engine not in ENGINES:
             raise NacreError(f"engine {engine!r}: expected one of {', '.join(ENGINES)}")
-    model = load_btf(options.model)
+    model = load_shown(options.model)
     return verify(model, options.engine, progress)
