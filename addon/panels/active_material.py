@@ -38,7 +38,8 @@ class NACRE_PT_active_material(SidebarPanel, bpy.types.Panel):
         if material.nacre.file_quality:
             column = layout.column(align=True)
             column.prop(material.nacre, "quality", slider=True)
-            column.prop(material.nacre, "final_quality", text="Final", slider=True)
+            if not material.nacre.final_model:
+                column.prop(material.nacre, "final_quality", text="Final", slider=True)
         if material.nacre.problem:
             draw_text(context, layout, material.nacre.problem, icon="ERROR")
         layout.prop(material.nacre, "occlusion", placeholder="None")
