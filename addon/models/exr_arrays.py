@@ -35,7 +35,7 @@ _HEADER_BYTES = 4096  # the attribute begins within these: OpenEXR sorts attribu
 _SEAL = b'{"crc32": "'
 _UNSEALED = b"00000000"  # stands for the checksum where the checksum is computed
 
-_SHARES = (8, 4, 2)  # parts of a file after which what has come in is looked at
+_SHARES = (0.125, 0.25, 0.5, 0.75)  # of a file, after which what has come in is looked at
 
 _NO_ROOM = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 
@@ -114,7 +114,7 @@ def read_growing(
     path: str | os.PathLike[str],
 ) -> Iterator[tuple[dict[str, NDArray[Any]], dict[str, Any]]]:
     """What `read_arrays` reads with `partial`, more of it each time, as a file of any length comes
-    in: of an eighth, a quarter, half and all of its bytes. A share without any array is left out.
+    in: of an eighth, a quarter, half, three quarters and all of its bytes. A share without any array is left out.
 
     Raises NacreError as `read_arrays` does, for what is wrong with the whole file at the end.
     """
@@ -124,7 +124,7 @@ def read_growing(
     with open(path, "rb") as file:
         size = os.fstat(file.fileno()).st_size
         for share in _SHARES:
-            data += file.read(size // share - len(data))
+            data += file.read(int(size * share) - len(data))
             try:
                 found = _arrays(path, io.BytesIO(data), intact=False)
             except NacreError:
