@@ -4,8 +4,10 @@ import json
 import os
 import shutil
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
+import nacre_native
 import numpy as np
 import pytest
 from small_btf import hemisphere, write_dataset
@@ -25,7 +27,7 @@ from addon.models.sparse.files import (
 )
 from addon.models.sparse.interpolation import at_directions, weights
 from addon.models.sparse.model import quality_of, sparsity_of
-from addon.models.sparse.patches import overlapping, read_patches, tiling
+from addon.models.sparse.patches import channels_of, overlapping, read_patches, tiling
 from addon.models.sparse.transform import Normalisation, normalisation
 from addon.samples import open_samples
 
@@ -161,6 +163,26 @@ def test_training_is_resumed_to_the_same_bits(dataset, ensemble, tmp_path):
             np.testing.assert_array_equal(a, b)
     assert resumed.training["objective"] == ensemble.training["objective"]
     assert not state.exists()
+
+
+def test_training_in_subspaces_gives_whole_dictionaries(dataset):
+    """What is coded with them is what training says, or better: atoms beyond may be chosen, too."""
+    trained = train([dataset], subspace=4)
+    for key, modes in trained.dictionaries.items():
+        assert [own.shape for own in modes] == [(2, size, size) for size in trained.shape(key)]
+        assert largest_misfit(modes) < 1e-5
+        errors = trained.training["objective"][key]
+        assert all(b <= a for a, b in pairwise(errors))
+        normalised = normalisation(dataset, trained.offset)
+        origins = overlapping(dataset, PATCH)
+        patches = np.concatenate(
+            [part for _, part in read_patches(dataset, normalised, PATCH, origins)]
+        )
+        values = channels_of(patches, key)
+        found = nacre_native.code_patches(values, modes, FEW[key])
+        share = found["errors"].sum() / np.square(values, dtype=np.float64).sum()
+        assert share <= errors[-1] + 2e-3
+        assert share > 0.5 * errors[-1]
 
 
 def test_a_state_of_another_training_is_refused(dataset, tmp_path):
