@@ -114,7 +114,8 @@ def read_growing(
     path: str | os.PathLike[str],
 ) -> Iterator[tuple[dict[str, NDArray[Any]], dict[str, Any]]]:
     """What `read_arrays` reads with `partial`, more of it each time, as a file of any length comes
-    in: of an eighth, a quarter, half, three quarters and all of its bytes. A share without any array is left out.
+    in: of an eighth, a quarter, half, three quarters and all of its bytes. Shares without any array
+    are left out.
 
     Raises NacreError as `read_arrays` does, for what is wrong with the whole file at the end.
     """

@@ -6,6 +6,7 @@ import shutil
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import nacre_native
 import numpy as np
@@ -14,8 +15,9 @@ from small_btf import hemisphere, write_dataset
 
 from addon.errors import Cancelled, NacreError
 from addon.models.any_model import load_any
+from addon.models.checkpoint import StateFile
 from addon.models.exr import load_model
-from addon.models.sparse import authors, files, training
+from addon.models.sparse import authors, coding, files, training
 from addon.models.sparse.coding import code, measure
 from addon.models.sparse.ensemble import choose, largest_misfit, orthonormal
 from addon.models.sparse.files import (
@@ -196,6 +198,91 @@ def test_a_state_of_another_training_is_refused(dataset, tmp_path):
     with pytest.raises(NacreError) as error:
         train([dataset], state=state, resume=True)
     one_line(error, "damaged")
+
+
+class Killed(Exception):
+    """Stands for the end of the process."""
+
+
+def kill_while_coding(dataset, ensemble, state, monkeypatch, after=3):
+    """Leave what a process that was killed leaves, each patch being saved."""
+    monkeypatch.setattr(coding, "BLOCK", 1)
+    monkeypatch.setattr(StateFile, "due", True)
+
+    def kill(fraction, message):
+        if message == "Coding patches" and fraction >= 0.8 * after / 6:
+            raise Killed
+        return True
+
+    with pytest.raises(Killed):
+        code(dataset, ensemble, FEW, state=state, progress=kill)
+
+
+def test_coding_is_resumed_to_the_same_codes(dataset, ensemble, model, tmp_path, monkeypatch):
+    state = tmp_path / ".m.exr.fit"
+    kill_while_coding(dataset, ensemble, state, monkeypatch)
+    assert [p.name for p in tmp_path.iterdir()] == [state.name]
+    seen = []
+
+    def coded(patches, *rest, **settings):
+        seen.append(len(patches))
+        return nacre_native.code_patches(patches, *rest, **settings)
+
+    native = SimpleNamespace(code_patches=coded, Cancelled=nacre_native.Cancelled)
+    monkeypatch.setattr(coding, "nacre_native", native)
+    monkeypatch.setattr(coding, "normalisation", None)  # kept, too
+    resumed = code(dataset, ensemble, FEW, state=state, resume=True)
+    assert sum(seen) == 3 * 3  # of six patches in three channels
+    for key, codes in model.codes.items():
+        for name in ("positions", "values", "members"):
+            np.testing.assert_array_equal(getattr(resumed.codes[key], name), getattr(codes, name))
+    np.testing.assert_array_equal(resumed.decode(), model.decode())
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_state_of_other_codes_is_refused(dataset, ensemble, tmp_path, monkeypatch):
+    state = tmp_path / "state"
+    kill_while_coding(dataset, ensemble, state, monkeypatch)
+    other = train([dataset], seed=3)
+    for settings in ((ensemble, FEW | {"Y": 61}), (other, FEW)):
+        with pytest.raises(NacreError) as error:
+            code(dataset, *settings, state=state, resume=True)
+        one_line(error, "other settings")
+    state.write_bytes(b"PK")
+    with pytest.raises(NacreError) as error:
+        code(dataset, ensemble, FEW, state=state, resume=True)
+    one_line(error, "damaged")
+    assert code(dataset, ensemble, FEW, state=state).fit["snr_db"] > 0  # begins again
+    assert not state.exists()
+
+
+def test_cancelled_coding_leaves_nothing(dataset, ensemble, tmp_path, monkeypatch):
+    monkeypatch.setattr(coding, "BLOCK", 1)
+    monkeypatch.setattr(StateFile, "due", True)
+    for message in ("Reading samples", "Coding patches"):
+        with pytest.raises(Cancelled):
+            code(
+                dataset,
+                ensemble,
+                FEW,
+                state=tmp_path / "state",
+                progress=lambda f, m, stop=message: m != stop or f < 0.4,
+            )
+        assert not list(tmp_path.iterdir())
+
+
+def test_a_memory_bound_changes_nothing_but_the_block(dataset, ensemble, model, monkeypatch):
+    blocks = []
+
+    def read(*given):
+        blocks.append(given[-1])
+        return read_patches(*given)
+
+    monkeypatch.setattr(coding, "read_patches", read)
+    for memory in (1, 130_000_000, 2_000_000_000):
+        found = code(dataset, ensemble, FEW, memory=memory)
+        np.testing.assert_array_equal(found.codes["Y"].values, model.codes["Y"].values)
+    assert blocks[0] < 1 < blocks[1] < blocks[2]
 
 
 def test_many_patches_are_sampled(dataset, monkeypatch):

@@ -39,11 +39,10 @@ from ..clustered_tucker import Part
 from .coding import measure_against
 from .ensemble import Ensemble
 from .model import Codes, SparseBtf, quality_of
-from .patches import channels_of, indices_inside, tiling
+from .patches import BLOCK, channels_of, indices_inside, tiling
 from .transform import CHANNELS, Normalisation, to_linear_rgb
 
 _SUM = 1e-3  # by which weights may miss a sum of 1
-_BLOCK = 2**25  # values of patches in memory at a time
 
 Weight = float | NDArray[np.floating]
 """One number, or one for each texel (y, x)."""
@@ -275,7 +274,7 @@ def _patches(mix: Blend, normalised: Normalisation) -> Iterator[tuple[slice, NDA
     scales = [model.normalised.deviation / normalised.deviation for model in mix.models]
     means = [model.normalised.mean / normalised.deviation for model in mix.models]
     mean = normalised.mean / normalised.deviation
-    most = max(1, _BLOCK // (tall * wide * mean.size * len(CHANNELS)))
+    most = max(1, BLOCK // (tall * wide * mean.size * len(CHANNELS)))
     for begin in range(0, len(origins), most):
         part = slice(begin, min(begin + most, len(origins)))
         found = np.empty((part.stop - begin, tall, wide, *mean.shape, len(CHANNELS)), np.float32)
