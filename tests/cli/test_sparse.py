@@ -81,6 +81,10 @@ def test_decode_at_qualities_and_directions(run, folder):
         assert status == 0
         assert open_dataset(folder / "d.nacre").shape == (2, 2, 8, 10, 3)
         assert np.isfinite(open_dataset(folder / "d.nacre").samples).all()
+    images = ["--directions", "some.csv", "--interpolation", "image"]
+    assert run("decode", "m.exr", "i.nacre", *images)[0] == 0
+    assert run("decode", "m.exr", "d.nacre", *images[:2])[0] == 0
+    assert 5 < run("compare", "i.nacre", "d.nacre")[1]["snr_db"] < 40  # near, and not the same
 
 
 def test_a_cut_file_is_named_by_its_quality(run, folder):
@@ -184,6 +188,7 @@ def test_the_fitting_ensemble_of_several_is_taken(run):
         (["train", "none.nacre", "x.exr"], "none.nacre"),
         (["decode", "m.exr", "x.nacre", "--quality", "0"], "1 or more"),
         (["decode", "e.exr", "x.nacre"], "e.exr"),
+        (["decode", "m.exr", "x.nacre", "--interpolation", "image"], "--directions"),
         (["blend", "m.exr", "c.exr", "x.exr"], "--mix"),
         (["blend", "m.exr", "c.exr", "x.exr", "--mix", "1.5"], "from 0 to 1"),
         (["blend", "m.exr", "e.exr", "x.exr", "--mix", "0.5"], "e.exr"),

@@ -27,7 +27,7 @@ from addon.models.sparse.files import (
     save_ensemble,
     save_sparse,
 )
-from addon.models.sparse.interpolation import at_directions, weights
+from addon.models.sparse.interpolation import at_directions, images_at_directions, weights
 from addon.models.sparse.model import quality_of, sparsity_of
 from addon.models.sparse.patches import channels_of, overlapping, read_patches, tiling
 from addon.models.sparse.transform import Normalisation, normalisation
@@ -485,6 +485,27 @@ def test_mixing_coefficients_is_mixing_images(model, kernel):
     )
 
 
+@pytest.mark.parametrize("kernel", ["linear", "gaussian"])
+def test_images_are_mixed_of_decoded_neighbours(model, kernel):
+    lights, views = hemisphere(9)[[2, 5]], hemisphere(11)[[3, 4, 8]]
+    mixed = images_at_directions(model, lights, views, kernel)
+    expected = np.einsum(
+        "al,bv,lvyxc->abyxc",
+        weights(model.ensemble.light, lights, kernel),
+        weights(model.ensemble.view, views, kernel),
+        model.decode(),
+    )
+    np.testing.assert_allclose(mixed.decode(), expected, rtol=1e-3, atol=1e-5)
+    block = mixed.decode(light=[1], view=slice(1, 3), y=slice(3, 7), x=[9, 0])
+    np.testing.assert_allclose(block, expected[[1], 1:3, 3:7][..., [9, 0], :], rtol=1e-3, atol=1e-5)
+    # At measured directions both are what was measured.
+    own = images_at_directions(model, model.ensemble.light, model.ensemble.view)
+    np.testing.assert_allclose(own.decode(), model.decode(), rtol=1e-4, atol=1e-6)
+    # Coefficients are mixed in logarithms, which is another thing between them.
+    of_coefficients = at_directions(model, lights, views, kernel).decode()
+    assert 0 < np.abs(of_coefficients - expected).mean() < 0.3 * expected.mean()
+
+
 def test_weights_are_of_neighbours():
     measured = hemisphere(40)
     rng = np.random.default_rng(0)
@@ -506,7 +527,7 @@ def test_weights_are_of_neighbours():
     mixed /= np.linalg.norm(mixed, axis=1, keepdims=True)
     assert np.degrees(np.arccos(np.sum(mixed * wanted[inside], 1).min())) < 3
     with pytest.raises(NacreError):
-        at_directions(None, measured, measured, "cubic")
+        weights(measured, measured, "cubic")
 
 
 def test_nearly_orthonormal_matrices_become_so():

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import NacreError
+from ..clustered_tucker import Part
 from ..interpolation import raise_to_lowest
 from .model import SparseBtf
 from .transform import Normalisation
@@ -31,8 +32,6 @@ def at_directions(
 
     The same as mixing the normalised values of all combinations of neighbours, by linearity.
     """
-    if kernel not in KERNELS:
-        raise NacreError(f"kernel {kernel!r}: expected {' or '.join(KERNELS)}")
     ensemble, normalised = model.ensemble, model.normalised
     by_light = weights(ensemble.light, lights, kernel)
     by_view = weights(ensemble.view, views, kernel)
@@ -65,6 +64,53 @@ def at_directions(
     )
 
 
+@dataclass(frozen=True)
+class Images:
+    """A model at other directions by mixing images: linear colours are decoded at every neighbour
+    of a light and of a view, nine to 64 of them, and mixed. What Eq. 6 saves, to compare with.
+
+    by_light (m, lights), by_view (n, views): shares of the measured directions.
+    """
+
+    model: SparseBtf
+    by_light: NDArray[np.float32]
+    by_view: NDArray[np.float32]
+
+    def decode(
+        self,
+        light: Part = slice(None),
+        view: Part = slice(None),
+        y: Part = slice(None),
+        x: Part = slice(None),
+    ) -> NDArray[np.float32]:
+        """Linear samples (light, view, y, x, channel) of one block, as a model's `decode`."""
+        by_light, by_view = self.by_light[light], self.by_view[view]
+        views = np.flatnonzero(by_view.any(0))
+        found = []
+        for shares in by_light:
+            lights = np.flatnonzero(shares)
+            mixed: NDArray[np.float32] | float = 0.0
+            for own in views:  # one at a time: a few images are in memory beside the result
+                images = self.model.decode(lights, slice(own, own + 1), y, x)[:, 0]
+                image = np.tensordot(shares[lights], images, 1)
+                mixed = mixed + by_view[:, own, None, None, None] * image
+            found.append(mixed)
+        return np.array(found, np.float32)
+
+
+def images_at_directions(
+    model: SparseBtf,
+    lights: NDArray[np.floating],
+    views: NDArray[np.floating],
+    kernel: str = "linear",
+) -> Images:
+    """The model at other unit directions, by mixing images instead of coefficients."""
+    ensemble = model.ensemble
+    return Images(
+        model, weights(ensemble.light, lights, kernel), weights(ensemble.view, views, kernel)
+    )
+
+
 def weights(
     measured: NDArray[np.floating], wanted: NDArray[np.floating], kernel: str
 ) -> NDArray[np.float32]:
@@ -73,8 +119,11 @@ def weights(
     linear    of the triangle of neighbours on the sphere that a direction lies in
     gaussian  by angle, as wide as neighbours are apart
 
-    Directions lower than the lowest measured one take its elevation.
+    Directions lower than the lowest measured one take its elevation. Raises NacreError for a kernel
+    that is not there.
     """
+    if kernel not in KERNELS:
+        raise NacreError(f"kernel {kernel!r}: expected {' or '.join(KERNELS)}")
     raised = raise_to_lowest(measured, wanted)
     rows = _triangles if kernel == "linear" else _gaussians
     found = np.zeros((len(raised), len(measured)), np.float32)
