@@ -122,7 +122,9 @@ def tables_at(
     """Tables whose maps have the rows of the unit directions `lights` and `views` (N, N, 3)."""
     size = len(lights)
     by_light = weights(model.ensemble.light, lights.reshape(-1, 3), kernel)
-    by_view = weights(model.ensemble.view, views.reshape(-1, 3), kernel)
+    by_view = by_light
+    if views is not lights or not np.array_equal(model.ensemble.view, model.ensemble.light):
+        by_view = weights(model.ensemble.view, views.reshape(-1, 3), kernel)
 
     def maps(by: NDArray[np.float32], columns: NDArray[np.floating]) -> Maps:
         return np.ascontiguousarray((by @ columns).T, np.float32).reshape(-1, size, size)
