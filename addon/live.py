@@ -110,6 +110,18 @@ def follow_worlds() -> None:
             follow_turned_world(group)
 
 
+def follow_files() -> None:
+    """Write what scripts of sparse models read in Cycles where this session has not yet."""
+    if wheels.missing() is not None:
+        return
+    from .nodes.material import groups_of, nacre_materials
+    from .nodes.model_group import follow_scripts
+
+    for material in nacre_materials():
+        for group in groups_of(material):
+            follow_scripts(group)
+
+
 @persistent
 def _updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     if any(depsgraph.id_type_updated(kind) for kind in _KINDS):
@@ -123,6 +135,11 @@ def _changed(scene: bpy.types.Scene | str | None, *_: Any) -> None:
     # While a picture is rendered on a thread, the trees it reads must not be written.
     if not bpy.app.is_job_running("RENDER"):
         follow_lights(scene if isinstance(scene, bpy.types.Scene) else bpy.context.scene)
+
+
+@persistent
+def _read(*_: Any) -> None:
+    follow_files()
 
 
 @persistent
@@ -146,26 +163,28 @@ def _swap(*_: Any) -> None:
         swap_final(material)
 
 
-_HANDLERS = {
-    "depsgraph_update_post": _updated,
-    "load_post": _reverted,
-    "undo_pre": _part,
-    "redo_pre": _part,
-    "undo_post": _reverted,
-    "redo_post": _reverted,
-    "render_init": _swap,
-    "render_complete": _swap,
-    "render_cancel": _swap,
-}
+_HANDLERS = (
+    ("depsgraph_update_post", _updated),
+    ("load_post", _reverted),
+    ("load_post", _read),
+    ("blend_import_post", _read),
+    ("undo_pre", _part),
+    ("redo_pre", _part),
+    ("undo_post", _reverted),
+    ("redo_post", _reverted),
+    ("render_init", _swap),
+    ("render_complete", _swap),
+    ("render_cancel", _swap),
+)
 
 
 def register() -> None:
     """Listen to Blender's events."""
-    for name, handler in _HANDLERS.items():
+    for name, handler in _HANDLERS:
         getattr(bpy.app.handlers, name).append(handler)
 
 
 def unregister() -> None:
     """Listen no more."""
-    for name, handler in _HANDLERS.items():
+    for name, handler in _HANDLERS:
         getattr(bpy.app.handlers, name).remove(handler)

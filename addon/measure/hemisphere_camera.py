@@ -1,31 +1,15 @@
-"""The camera that sees a patch from many directions in one render (shaders/hemisphere_camera.osl).
-
-Its shader is compiled here, and not by Blender's operator, which asks oslquery for the shader's
-parameters: the bpy wheel cannot import that module, and there are no parameters to ask for.
-"""
+"""The camera that sees a patch from many directions in one render."""
 
 from __future__ import annotations
-
-import hashlib
-import tempfile
-from pathlib import Path
 
 import bpy
 import numpy as np
 
-from ..errors import NacreError
-from ..shader_files import shader_text
+from ..osl import compile_osl
 from .cycles import render
 from .tiles import Tiles
 
 SHADER = "hemisphere_camera.osl"
-
-
-def has_osl() -> bool:
-    """Whether this Blender was built with the Open Shading Language; not every one is."""
-    import _cycles
-
-    return bool(getattr(_cycles, "with_osl", False))
 
 
 class HemisphereCamera:
@@ -79,11 +63,11 @@ def _add_camera(
         "CENTRED": int(centred),
     }
     header = "".join(f"#define {name} {value}\n" for name, value in values.items())
-    bytecode = _compile(header)
+    bytecode, stamp = compile_osl(SHADER, "hemisphere_views.h", header)
     camera = bpy.data.cameras.new("Hemisphere")
     camera.type = "CUSTOM"
     camera.custom_bytecode = bytecode
-    camera.custom_bytecode_hash = hashlib.md5(bytecode.encode(), usedforsecurity=False).hexdigest()
+    camera.custom_bytecode_hash = stamp
     # Rays start above everything, wherever that is.
     camera.clip_start = 1e-6
     camera.clip_end = 4.0 * float(start.max())
@@ -94,15 +78,3 @@ def _add_camera(
 
 def _list(values: np.ndarray) -> str:
     return ", ".join(f"{value:.9g}" for value in values)
-
-
-def _compile(header: str) -> str:
-    import _cycles
-
-    with tempfile.TemporaryDirectory() as folder:
-        source, target = Path(folder) / SHADER, Path(folder) / "camera.oso"
-        source.write_text(shader_text(SHADER), encoding="utf-8")
-        (Path(folder) / "hemisphere_views.h").write_text(header, encoding="utf-8")
-        if not _cycles.osl_compile(str(source), str(target)):
-            raise NacreError(f"this Blender cannot compile {SHADER}")
-        return target.read_text(encoding="utf-8")

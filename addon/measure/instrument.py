@@ -11,9 +11,10 @@ import bpy
 import numpy as np
 
 from ..errors import NacreError
+from ..osl import has_osl
 from ..render.stage import new_scene
 from .cycles import set_up_cycles
-from .hemisphere_camera import HemisphereCamera, has_osl
+from .hemisphere_camera import HemisphereCamera
 from .oblique_camera import ObliqueCamera
 from .patch import Patch, place
 from .tiles import Tiles

@@ -12,6 +12,7 @@ patches, and whose row of texels is 1: one loop does it all.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
@@ -21,6 +22,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..datasets.directions import spherical_to_unit
+from ..models.sparse.transform import to_log_yuv
+from ..tables.any_tables import evaluate_pictures
 from ..tables.sparse_tables import Part, Product, SparseTables
 from .atlas import Atlas, cut_out, make_atlas
 
@@ -45,6 +49,8 @@ class SparseShapes:
     size: int
     lowest: float
     offset: float
+    average: tuple[float, ...]  # Y, U, V of the logarithm of the mean colour, lit from 45 degrees
+    stamp: str  # tells these tables from others
 
     @property
     def ends(self) -> list[int]:
@@ -81,7 +87,7 @@ def pack_sparse(name: str, tables: SparseTables) -> PackedSparse:
     ones = np.ones((1, *shapes.patch), np.float32)
     texels = np.concatenate([*(part.texels for part in parts), ones])
     blocks = {
-        "texels": _in_red(texels.reshape(len(texels), -1)),
+        "texels": _texels(texels.reshape(len(texels), -1)),
         "light": _corners([*(p.light for p in parts), *map(_rows, _lights(tables))]),
         "view": _corners([*(p.view for p in parts), *map(_rows, _views(tables))]),
     }
@@ -163,7 +169,24 @@ def _shapes(tables: SparseTables) -> SparseShapes:
         size=tables.size,
         lowest=tables.lowest,
         offset=tables.offset,
+        average=_average(tables),
+        stamp=_stamp(tables),
     )
+
+
+def _average(tables: SparseTables) -> tuple[float, ...]:
+    light, view = spherical_to_unit([45.0], [45.0]), spherical_to_unit([0.0], [0.0])
+    mean = evaluate_pictures(tables, light, view).mean((0, 1, 2, 3))
+    return tuple(map(float, to_log_yuv(mean, tables.offset)))
+
+
+def _stamp(tables: SparseTables) -> str:
+    found = hashlib.md5(usedforsecurity=False)
+    images = (*tables.parts.values(), tables.mean, tables.deviation)
+    for array in (array for own in images for array in vars(own).values()):
+        found.update(str(array.shape).encode())
+        found.update(np.ascontiguousarray(array))
+    return found.hexdigest()
 
 
 def _coefficients(
@@ -212,10 +235,11 @@ def _quads(rows: Maps) -> Maps:
     return np.ascontiguousarray(np.moveaxis(rows.reshape(-1, 4, *rows.shape[1:]), 1, -1))
 
 
-def _in_red(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(rows, columns) as the one tile of an atlas."""
-    tile = np.zeros((*values.shape, 4), np.float32)
-    tile[..., 0] = values
+def _texels(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(rows, texels) as the one tile of an atlas; green marks the last row, for readers that do not
+    know which end of an image is up."""
+    tile = np.zeros((*rows.shape, 4), np.float32)
+    tile[..., 0], tile[-1, :, 1] = rows, 1.0
     return tile[None, None, None]
 
 

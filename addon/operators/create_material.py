@@ -26,7 +26,7 @@ class NACRE_OT_create_material(JobOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Work:
         from ..models.any_model import load_first
         from ..models.sparse.files import promised_quality
-        from ..tables.any_tables import build_any_tables
+        from ..nodes.node_tables import build_node_tables
 
         path = Path(bpy.path.abspath(context.scene.nacre.model))
         self._name = path.stem
@@ -34,7 +34,7 @@ class NACRE_OT_create_material(JobOperator, bpy.types.Operator):
         def work(progress: Progress) -> Any:
             progress(0.0, "Reading the model")
             model = load_first(path)
-            return model, promised_quality(path), build_any_tables(model, progress=progress)
+            return model, promised_quality(path), build_node_tables(model, progress=progress)
 
         return work
 

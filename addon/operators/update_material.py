@@ -26,7 +26,7 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
         from ..models.any_model import load_any, quality_of_model
         from ..models.sparse.model import SparseBtf
         from ..nodes.kept_world import environment_for, kept_world
-        from ..tables.any_tables import build_any_tables
+        from ..nodes.node_tables import build_node_tables
 
         self._material = context.object.active_material
         files = self._material.nacre
@@ -54,7 +54,7 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
                     self._shown = min(wanted or self._best, self._best)
                     if isinstance(model, SparseBtf):
                         model = model.truncated(self._shown)
-                tables = build_any_tables(model, progress=share(number))
+                tables = build_node_tables(model, progress=share(number))
                 if part == "occlusion":
                     mapping = MAPPINGS.get(model.dataset.get("value", ""), MAPPINGS["mask"])
                     found[part] = tables, mapping
