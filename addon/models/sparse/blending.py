@@ -113,8 +113,7 @@ def blend(models: Sequence[SparseBtf], weights: Sequence[Weight]) -> Blend:
         given[number] = weight
     if not np.abs(given.sum(0) - 1.0).max() <= _SUM:
         raise NacreError("the weights of a blend must have a sum of 1")
-    used = [number for number, weight in enumerate(given) if weight.any()]
-    return Blend(tuple(models[number] for number in used), given[used])
+    return Blend(tuple(models), given)
 
 
 def bake(
@@ -137,6 +136,8 @@ def bake(
     range, Cancelled on request.
     """
     started = time.monotonic()
+    shares = [round(float(own.mean()), 6) for own in mix.weights]
+    mix = _used(mix)
     first = mix.models[0]
     if sparsity is None:
         sparsity = _most([model.sparsity for model in mix.models if _same_parts(model, first)])
@@ -187,12 +188,18 @@ def bake(
 
     fit = {
         "method": "sparse",
-        "weights": [round(float(own.mean()), 6) for own in mix.weights],
+        "weights": shares,
         "lost": round(lost / energy, 6) if energy else 0.0,
         "snr_db": round(measure_against(read, model, later)["snr_db"], 4),
         "seconds": round(time.monotonic() - started, 3),
     }
     return replace(model, fit=fit)
+
+
+def _used(mix: Blend) -> Blend:
+    """Without the materials that there is nothing of."""
+    used = [number for number, weight in enumerate(mix.weights) if weight.any()]
+    return Blend(tuple(mix.models[number] for number in used), mix.weights[used])
 
 
 def _misfit(first: SparseBtf, other: SparseBtf) -> str:
