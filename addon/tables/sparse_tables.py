@@ -111,7 +111,9 @@ def build_sparse_tables(
     models.sparse.interpolation. Raises Cancelled on request."""
     directions = texel_directions(size).reshape(-1, 3)
     by_light = weights(model.ensemble.light, directions, kernel)
-    by_view = weights(model.ensemble.view, directions, kernel)
+    by_view = by_light
+    if not np.array_equal(model.ensemble.view, model.ensemble.light):
+        by_view = weights(model.ensemble.view, directions, kernel)
 
     def maps(by: NDArray[np.float32], columns: NDArray[np.floating]) -> Maps:
         return np.ascontiguousarray((by @ columns).T, np.float32).reshape(-1, size, size)

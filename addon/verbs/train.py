@@ -29,6 +29,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="choose dictionaries once, in the beginning, and every tenth sweep: faster",
     )
+    parser.add_argument(
+        "--subspace",
+        type=from_1,
+        default=64,
+        metavar="N",
+        help="train in the N leading directions of light and of view (64): as many as there are "
+        "leave nothing out and take longer",
+    )
     parser.add_argument("--seed", type=from_0, default=0)
     parser.add_argument("--threads", type=from_0, default=0, help="0 for every core")
     parser.add_argument(
@@ -58,6 +66,7 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         sparsity=sparsity,
         sweeps=options.sweeps,
         reassign=10 if options.precluster else 1,
+        subspace=options.subspace,
         seed=options.seed,
         threads=options.threads,
         folder=path.parent,

@@ -17,6 +17,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from addon.datasets.dataset import Dataset, open_dataset
 from addon.datasets.direction_sets import direction_set
 from addon.measure.btf import measure_btf
 from addon.measure.occlusion import coverage
@@ -51,20 +52,46 @@ def main() -> None:
         if path.exists():
             continue
         begun = time.monotonic()
-        with _patch(name) as patch:
-            if name in MASKS:
+        if name in MASKS:
+            with _patch(name) as patch:
                 mask = coverage(patch, view, (options.texels, options.texels))
-                np.save(path, np.round(mask).astype(np.uint8))
-                mask_sheet(mask, path.with_suffix(".png"))
-                found = f"{mask.mean():.1%} covered"
-            else:
-                samples = options.samples or (BTFS.get(name) or SCENES[name][2].samples)
-                bounces = 2 if name in BTFS else SCENES[name][2].bounces
-                settings = Settings(options.texels, samples, bounces=bounces)
-                dataset = measure_btf(patch, path, light, view, settings)
-                btf_sheet(dataset.samples, path.with_suffix(".png"))
-                found = f"noise floor {dataset.noise_floor_db} dB"
+            np.save(path, np.round(mask).astype(np.uint8))
+            mask_sheet(mask, path.with_suffix(".png"))
+            found = f"{mask.mean():.1%} covered"
+        else:
+            dataset = measured(
+                options.folder, name, options.directions, options.texels, options.samples, light
+            )
+            btf_sheet(dataset.samples, path.with_suffix(".png"))
+            found = f"noise floor {dataset.noise_floor_db} dB"
         print(f"{name}: {found}, {time.monotonic() - begun:.0f} s", flush=True)
+
+
+def measured(
+    folder: Path,
+    name: str,
+    directions: str = "ubo81",
+    texels: int = TEXELS,
+    samples: int | None = None,
+    light: np.ndarray | None = None,
+) -> Dataset:
+    """A BTF of a recipe or of a scene of samples/, measured where it is not in the folder.
+
+    `samples` are its own and `light` the named directions unless given."""
+    path = folder / f"{name}.nacre"
+    if path.is_dir():
+        return open_dataset(path)
+    folder.mkdir(parents=True, exist_ok=True)
+    view = direction_set(directions)
+    own, bounces = (BTFS[name], 2) if name in BTFS else _scene_settings(name)
+    settings = Settings(texels, samples or own, bounces=bounces)
+    with _patch(name) as patch:
+        return measure_btf(patch, path, view if light is None else light, view, settings)
+
+
+def _scene_settings(name: str) -> tuple[int, int]:
+    settings = SCENES[name][2]
+    return settings.samples, settings.bounces
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..clustered_tucker import Part, expand
 from .ensemble import Ensemble
 from .patches import tiling
-from .transform import CHANNELS, Normalisation
+from .transform import CHANNELS, Normalisation, to_linear_rgb
 
 COEFFICIENT_BYTES = 6
 """A half for the value, four bytes for its position."""
@@ -99,6 +99,16 @@ class SparseBtf:
         x: Part = slice(None),
     ) -> NDArray[np.float32]:
         """Linear samples (light, view, y, x, channel) of one block, float32, unclamped (Eq. 4)."""
+        return to_linear_rgb(self.logarithms(light, view, y, x), self.normalised.offset)
+
+    def logarithms(
+        self,
+        light: Part = slice(None),
+        view: Part = slice(None),
+        y: Part = slice(None),
+        x: Part = slice(None),
+    ) -> NDArray[np.float32]:
+        """Y, U, V of the logarithm (transform.to_log_yuv) of one block, as `decode` takes it."""
         parts = (light, view, y, x)
         lights, views, ys, xs = (
             np.arange(size)[part] for size, part in zip(self.shape[:4], parts, strict=True)
@@ -112,11 +122,15 @@ class SparseBtf:
                 rows = (ys[in_y] - first_y, xs[in_x] - first_x, lights, views)
                 block = np.moveaxis(self._decode_patch(index, rows), (2, 3), (0, 1))
                 values[:, :, in_y[:, None], in_x] = block
-        return self.normalised.decode(values, lights, views)
+        return self.normalised.logarithms(values, lights, views)
 
     def texel(self, light: int, view: int, y: int, x: int) -> NDArray[np.float32]:
         """The colour (3,) of one texel for one light and view, from its patch's coefficients alone
         (Eq. 5): what a shader computes."""
+        return to_linear_rgb(self.texel_logarithm(light, view, y, x), self.normalised.offset)
+
+    def texel_logarithm(self, light: int, view: int, y: int, x: int) -> NDArray[np.float32]:
+        """Y, U, V (3,) of the logarithm of `texel`."""
         tall, wide = self.ensemble.patch
         patch = y // tall * -(-self.width // wide) + x // wide
         values = np.zeros(len(CHANNELS), np.float32)
@@ -133,7 +147,14 @@ class SparseBtf:
             else:
                 values[CHANNELS.index(key)] = product.sum()
         whole = values.reshape(1, 1, -1)
-        return self.normalised.decode(whole, np.array([light]), np.array([view]))[0, 0]
+        return self.normalised.logarithms(whole, np.array([light]), np.array([view]))[0, 0]
+
+    def normalised_patch(self, index: int) -> NDArray[np.float32]:
+        """Normalised Y, U, V of a whole patch, also of what is over the edge: (y, x, light, view,
+        3)."""
+        lights, views = self.normalised.mean.shape
+        sizes = (*self.ensemble.patch, lights, views)
+        return self._decode_patch(index, tuple(np.arange(size) for size in sizes))
 
     def _decode_patch(self, index: int, rows: tuple[NDArray[np.intp], ...]) -> NDArray[np.float32]:
         """Normalised Y, U, V of some rows of each mode of a patch: (y, x, light, view, 3)."""

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import tempfile
 import time
-import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -18,12 +16,17 @@ from numpy.typing import NDArray
 
 from ...datasets.dataset import Dataset
 from ...errors import Cancelled, NacreError
+from ..checkpoint import StateFile, samples_of
 from .ensemble import Ensemble
 from .patches import Origin, channels_of, overlapping, read_patches
+from .subspace import Subspace
 from .transform import OFFSET, normalisation
 
 SPARSITY = {"Y": 256, "U": 32, "V": 32}
 """Of the paper."""
+
+SUBSPACE = 64
+"""Columns of the subspaces that are trained in: more changed no error by a thousandth part."""
 
 _ALL = 2880
 """Up to so many patches are all trained on, of more a tenth but not fewer than these: the paper has
@@ -39,6 +42,7 @@ def train(
     sweeps: int = 30,
     tolerance: float = 1e-3,
     reassign: int = 1,
+    subspace: int = SUBSPACE,
     offset: float = OFFSET,
     seed: int = 0,
     threads: int = 0,
@@ -51,6 +55,8 @@ def train(
 
     sparsity   coefficients of a patch: of "Y", "U", "V", or of "YUV" with colour as a fifth mode
     reassign   choose each patch's dictionary anew in every so many sweeps: others take less time
+    subspace   columns of light and of view that are trained in (sparse.subspace);
+               with as many as there are lights and views nothing is left out
     folder     where the patches lie while they are trained on, as half floats
     state      a folder that keeps the state after each sweep, removed when the training ends
     resume     go on from `state`, if it is there, to the bits of a training without a break
@@ -63,11 +69,13 @@ def train(
         "sparsity": dict(sparsity),
         "tolerance": tolerance,
         "reassign": reassign,
+        "subspace": subspace,
         "offset": offset,
         "seed": seed,
         "materials": [dataset.path.stem for dataset in datasets],
     }
     _check(datasets, patch, sparsity)
+    said = [settings, [samples_of(dataset) for dataset in datasets]]
     started = time.monotonic()
     chosen = _choose(datasets, patch, seed)
     if state and not resume:
@@ -81,10 +89,14 @@ def train(
             report = _part_of(
                 progress, 0.1 + 0.9 * number / shares, 0.1 + 0.9 * (number + 1) / shares
             )
-            keeper = _Keeper(state, key, settings) if state else None
+            keeper = _Keeper(state / f"{key}.npz", said) if state else None
+            patches = np.load(files[key], mmap_mode="r")
+            within = Subspace.of(patches, subspace)
+            patches, norm = within.reduce(patches, files[key].with_suffix(".reduced.npy"))
+            files[key].unlink()
             try:
                 result = nacre_native.fit_ensemble(
-                    np.load(files[key], mmap_mode="r"),
+                    patches,
                     dictionaries=dictionaries,
                     sparsity=count,
                     sweeps=sweeps,
@@ -100,8 +112,11 @@ def train(
                 raise Cancelled from stop
             except (ValueError, MemoryError) as problem:
                 raise NacreError(f"training {key}: {problem}") from problem
-            found[key] = tuple(result["dictionaries"])
-            history[key] = [round(error, 9) for error in result["errors"]]
+            found[key] = tuple(within.expand(result["dictionaries"]))
+            # What the subspaces leave out is an error, too.
+            inside = result["squared_norm"] / norm if norm else 0.0
+            errors = (1.0 - inside * (1.0 - error) for error in result["errors"])
+            history[key] = [round(error, 9) for error in errors]
     if state:
         shutil.rmtree(state, ignore_errors=True)
     return Ensemble(
@@ -120,44 +135,27 @@ def train(
 
 
 class _Keeper:
-    """The state of one part's training in a folder."""
+    """The state of one part's training, saved after each sweep, however fast."""
 
-    def __init__(self, folder: Path, key: str, settings: Mapping[str, Any]) -> None:
-        self._path = folder / f"{key}.npz"
-        self._settings = json.dumps(settings, sort_keys=True)
+    def __init__(self, path: Path, settings: Any) -> None:
+        self._file = StateFile(path, settings)
 
     def save(self, state: Mapping[str, Any]) -> None:
         lists = ("errors", "orthonormality", "reseeded", "squared_norm", "sweeps")
-        about = [self._settings, json.dumps({name: state[name] for name in lists})]
         arrays = {f"mode{n}": matrices for n, matrices in enumerate(state["dictionaries"])}
-        part = self._path.with_suffix(".part")
-        try:
-            self._path.parent.mkdir(exist_ok=True)
-            with part.open("wb") as file:
-                np.savez(file, about=np.array(about), members=state["members"], **arrays)
-            part.replace(self._path)
-        except OSError as error:
-            raise NacreError(f"cannot write {self._path}: {error.strerror}") from error
+        rest = {name: state[name] for name in lists}
+        self._file.save({"members": state["members"], **arrays}, rest)
 
     def load(self) -> dict[str, Any] | None:
-        if not self._path.exists():
+        found = self._file.load()
+        if found is None:
             return None
+        arrays, state = found
         try:
-            with self._path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-                arrays = dict(stored.items())
-            settings, rest = (str(text) for text in arrays.pop("about"))
-            state: dict[str, Any] = json.loads(rest)
             state["members"] = arrays.pop("members")
             state["dictionaries"] = [arrays[f"mode{n}"] for n in range(len(arrays))]
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise NacreError(
-                f"{self._path} is damaged: run without --resume to begin again"
-            ) from error
-        if settings != self._settings:
-            raise NacreError(
-                f"{self._path} is the state of a training with other settings: give the same ones, "
-                "or run without --resume to begin again"
-            )
+        except KeyError as error:
+            raise self._file.damaged() from error
         return state
 
 
@@ -173,8 +171,8 @@ def _check(
         reason = Ensemble(patch, first.light, first.view, {}, 0.0).misfit(dataset)
         if reason:
             raise NacreError(
-                f"{dataset.path.name}: an ensemble is for one set of directions, but compared with "
-                f"{first.path.name} {reason}"
+                f"{dataset.path.name}: an ensemble is for one set of directions, and that of "
+                f"{first.path.name} is another: {reason}"
             )
         sizes = (dataset.sizes["y"], dataset.sizes["x"])
         if min(patch) < 1 or patch[0] > sizes[0] or patch[1] > sizes[1]:

@@ -18,6 +18,7 @@ OFFSET = 0.01
 """Added before the logarithm. The authors' ensembles take 1e-5, which spends the coefficients on
 what lies below a hundredth of white: on noise, where values were rendered (docs/sparse.md)."""
 
+_BLOCK = 2**22  # values in memory at a time
 _LEAST = 1e-6  # deviation of an image that is one colour all over
 
 
@@ -41,10 +42,16 @@ class Normalisation:
         self, values: NDArray[np.float32], light: NDArray[np.intp], view: NDArray[np.intp]
     ) -> NDArray[np.float32]:
         """Linear colours of normalised Y, U, V (lights, views, ..., 3) of some lights and views."""
+        return to_linear_rgb(self.logarithms(values, light, view), self.offset)
+
+    def logarithms(
+        self, values: NDArray[np.float32], light: NDArray[np.intp], view: NDArray[np.intp]
+    ) -> NDArray[np.float32]:
+        """Y, U, V of the logarithm that are behind normalised ones."""
         part = np.ix_(light, view)
         values = values * _spread(self.deviation[part], values)
         values += _spread(self.mean[part], values)
-        return to_linear_rgb(values, self.offset)
+        return values
 
 
 def to_log_yuv(rgb: NDArray[np.floating], offset: float) -> NDArray[np.float32]:
@@ -66,16 +73,22 @@ def normalisation(
     """Read a dataset once; NacreError for other colours than R, G, B, Cancelled on request."""
     if dataset.kind != "btf" or [*dataset.channels] != ["R", "G", "B"]:
         raise NacreError(f"{dataset.path.name}: sparse codes are of a BTF of R, G, B")
-    lights, views = dataset.shape[:2]
+    lights, views, height, width, _ = dataset.shape
+    most = max(1, _BLOCK // (3 * height * width))
     mean, deviation = (np.empty((lights, views), np.float32) for _ in range(2))
     for light in range(lights):
         if progress is not None and not progress(light / lights, "Reading samples"):
             raise Cancelled
-        values = to_log_yuv(dataset.samples[light], offset).reshape(views, -1)
-        if not np.isfinite(values).all():
-            raise NacreError(f"{dataset.path.name}: light {light} has values that are not finite")
-        mean[light] = values.mean(1, dtype=np.float64)
-        deviation[light] = values.std(1, dtype=np.float64)
+        for first in range(0, views, most):
+            some = slice(first, first + most)
+            values = to_log_yuv(dataset.samples[light, some], offset)
+            values = values.reshape(len(values), -1)
+            if not np.isfinite(values).all():
+                raise NacreError(
+                    f"{dataset.path.name}: light {light} has values that are not finite"
+                )
+            mean[light, some] = values.mean(1, dtype=np.float64)
+            deviation[light, some] = values.std(1, dtype=np.float64)
     return Normalisation(mean, np.maximum(deviation, np.float32(_LEAST)), offset)
 
 
