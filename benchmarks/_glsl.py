@@ -18,6 +18,7 @@ from addon.preview.surface_shader import surface_info
 from addon.preview.textures import upload
 from addon.shader_files import shader_text
 from addon.tables.parabolic import texel_of
+from addon.tables.sparse_layout import SparseLayout
 from addon.tables.tables import Tables
 
 MAGNIFIED = 8  # pixels to a texel: the finest level alone, one tap
@@ -103,15 +104,20 @@ void main()
 class Screen:
     """A plane that fills a picture (width, height), under suns without shadows."""
 
-    def __init__(self, tables: Tables, size: tuple[int, int], suns: int) -> None:
+    def __init__(self, tables: Tables | SparseLayout, size: tuple[int, int], suns: int) -> None:
         self.tables, self.size = tables, size
         self.textures = upload(tables)
+        self.samplers = {f"BTF_{name}": own for name, own in self.textures.textures.items()}
         self.target = gpu.types.GPUOffScreen(*size, format="RGBA32F")
         self.view = np.array(Vector((0.25, -0.2, 1.0)).normalized())
         axes = [Vector(spherical_to_unit([20 + 5 * n], [47 * n])[0]) for n in range(suns)]
         nowhere = Vector().freeze()
         self.lights = light_rows([Light("SUN", nowhere, a.freeze(), (pi,) * 3) for a in axes])
-        self.texels = texel_of(np.array(axes), tables.size)
+        self.axes = np.array(axes)
+
+    def info(self) -> tuple[gpu.types.GPUShaderCreateInfo, str]:
+        """The shader's description, and the text in front of its main."""
+        return surface_info(constants(self.tables), None, 0)
 
     def engine(self) -> Callable[[], None]:
         """Draw what the engine draws."""
@@ -123,9 +129,10 @@ class Screen:
         return self._draw(source, self.view, self.lights, _COUNTING)
 
     def summed(self) -> Callable[[], None]:
-        """Draw the sum of its fetches."""
+        """Draw the sum of its fetches; of tensor models."""
         lights = self.lights.copy()
-        lights[1:].reshape(-1, 4, 4)[: len(self.texels), 3, :2] = self.texels
+        texels = texel_of(self.axes, self.tables.size)
+        lights[1:].reshape(-1, 4, 4)[: len(texels), 3, :2] = texels
         return self._draw(_SUM, np.append(texel_of(self.view, self.tables.size), 0), lights)
 
     def pixels(self, draw: Callable[[], None]) -> np.ndarray:
@@ -149,7 +156,7 @@ class Screen:
     def _draw(
         self, main: str, viewer: np.ndarray, lights: np.ndarray, before: str = ""
     ) -> Callable[[], None]:
-        info, source = surface_info(constants(self.tables), None, 0)
+        info, source = self.info()
         info.fragment_out(0, "VEC4", "nacre_colour")
         info.fragment_source(before + source + main)
         shader = compile_info(info)
@@ -165,10 +172,11 @@ class Screen:
             gpu.state.blend_set("NONE")
             gpu.state.depth_test_set("NONE")
             shader.bind()
-            for name, texture in self.textures.textures.items():
-                shader.uniform_sampler(f"BTF_{name}", texture)
+            for name, texture in self.samplers.items():
+                shader.uniform_sampler(name, texture)
             with suppress(ValueError):  # not used by this main
-                shader.uniform_float("BTF_scale", self.textures.scale)
+                for name, number in self.textures.numbers.items():
+                    shader.uniform_float(f"BTF_{name}", number)
             for name, buffer in buffers.items():
                 with suppress(ValueError):
                     shader.uniform_block(name, buffer)
@@ -179,7 +187,7 @@ class Screen:
         return draw
 
     def _triangle(self, shader: gpu.types.GPUShader) -> gpu.types.GPUBatch:
-        texels = MAGNIFIED * self.tables.core.shape[4]
+        texels = MAGNIFIED * self.tables.height
         u, v = 2 * self.size[0] / texels, 2 * self.size[1] / texels
         corners = {
             "position": [(-1, -1, 0), (3, -1, 0), (-1, 3, 0)],

@@ -18,6 +18,7 @@ from addon.preview.appearance import Appearance
 from addon.preview.context import need_gpu
 from addon.preview.draw import Resources, draw, prepare
 from addon.preview.picture import camera_view
+from addon.tables.sparse_layout import SparseLayout
 from addon.tables.tables import Tables
 
 from . import nodes
@@ -98,7 +99,9 @@ def against_principled(tables: Tables) -> None:
     print(table(rows))
 
 
-def engine_frame(scene: bpy.types.Scene, tables: Tables, size: tuple[int, int]) -> float:
+def engine_frame(
+    scene: bpy.types.Scene, tables: Tables | SparseLayout, size: tuple[int, int]
+) -> float:
     """Seconds in which the engine draws a prepared scene, to the last pixel."""
     layer = scene.view_layers[0]
     layer.update()

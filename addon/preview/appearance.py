@@ -13,12 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import NacreError
+from .textures import laid_out
 
 if TYPE_CHECKING:  # models need the compiled packages, and the engine registers without
     from ..tables.environment import EnvironmentTable
+    from ..tables.sparse_layout import SparseLayout
     from ..tables.tables import Tables
 
-Read = tuple["Tables | None", str]
+Read = tuple["Tables | SparseLayout | None", str]
 """Tables, or why there are none."""
 
 KEPT = 8
@@ -40,16 +42,19 @@ class Appearance:
 
     `coordinates` (H, W, 2) is the map that lays the patch anew, `lights` names the collection that
     lights it; "" for the scene. Visibility is Eq. 26's threshold and weight, `repeat` the patches
-    along u and v in one UV unit.
+    along u and v in one UV unit. A blend has the `weights` of its materials, and may have `masks`
+    (n, y, x) that they are multiplied with.
     """
 
-    btf: Tables | None = None
+    btf: Tables | SparseLayout | None = None
     occlusion: Tables | None = None
     world: WorldLight | None = None
     coordinates: NDArray[np.integer] | None = None
     lights: str = ""
     visibility: tuple[float, float] = (0.5, 1.0)
     repeat: tuple[float, float] = (1.0, 1.0)
+    weights: tuple[float, ...] = ()
+    masks: NDArray[np.floating] | None = None
     base: tuple[float, float, float] = (0.8, 0.8, 0.8)
     message: str = ""
 
@@ -132,7 +137,7 @@ def _lights(tree: bpy.types.ShaderNodeTree) -> str:
 # What node groups keep is read from images once, and is the same object until they change.
 
 
-def _unpacked(tree: bpy.types.ShaderNodeTree | None) -> Tables | None:
+def _unpacked(tree: bpy.types.ShaderNodeTree | None) -> Tables | SparseLayout | None:
     """The tables that a node group keeps, or None."""
     from ..nodes.packed_tables import is_packed, stored
 
@@ -143,10 +148,10 @@ def _unpacked(tree: bpy.types.ShaderNodeTree | None) -> Tables | None:
 
 
 @lru_cache(maxsize=KEPT)
-def _unpack(name: str, _images: tuple[int, ...]) -> Tables:
+def _unpack(name: str, _images: tuple[int, ...]) -> Tables | SparseLayout:
     from ..nodes.packed_tables import stored, unpack
 
-    return unpack(stored(_group(name)))
+    return laid_out(unpack(stored(_group(name))))
 
 
 def _world_light(tree: bpy.types.ShaderNodeTree) -> WorldLight | None:
@@ -215,10 +220,10 @@ def find_model(path: str) -> ModelFile | None:
 def read_tables(file: ModelFile) -> Read:
     """The tables of a file, or None and why it cannot be shown; touches nothing of Blender's."""
     try:
-        from ..models.exr import load_model
-        from ..tables.tables import build_tables
+        from ..models.any_model import load_any
+        from ..tables.any_tables import build_any_tables
 
-        return build_tables(load_model(file.path)), ""
+        return laid_out(build_any_tables(load_any(file.path))), ""
     except (NacreError, ImportError, OSError) as error:
         return None, str(error)
 

@@ -16,10 +16,10 @@ from ..nodes.turning import rotation_of
 from .appearance import Appearance, WorldLight
 from .lights import LIGHTS, collection_lights, light_rows, scene_lights
 from .mesh import MeshBatches, mesh_batches
-from .shader import Constants, constants, let_go
+from .shader import Constants, constants, four, let_go
 from .shadow_maps import SIZE, draw_shadow_maps
 from .surface_shader import depth_shader, holes_shader, surface_shader
-from .textures import Uploaded, upload, upload_coordinates, upload_world
+from .textures import Uploaded, upload, upload_coordinates, upload_masks, upload_world
 from .view import View
 
 DRAWN = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
@@ -266,7 +266,8 @@ def _shapes(appearance: Appearance) -> dict[str, Constants]:
     shapes = {}
     if appearance.btf is not None:
         world = appearance.world.table if appearance.world is not None else None
-        shapes["BTF"] = constants(appearance.btf, world, appearance.coordinates)
+        masked = appearance.masks is not None
+        shapes["BTF"] = constants(appearance.btf, world, appearance.coordinates, masked)
     if appearance.occlusion is not None:
         shapes["OCCLUSION"] = constants(appearance.occlusion, None, appearance.coordinates)
     return shapes
@@ -284,9 +285,17 @@ def _bind_tables(
         table = appearance.world.table
         textures |= _uploaded(resources, table, upload_world).textures
         shader.uniform_float(f"{name}_world_scale", uploaded.core_scale * table.scale)
+    if name == "BTF" and len(appearance.weights) > 1:
+        shader.uniform_float(f"{name}_weights", four(appearance.weights))
+        if appearance.masks is not None:
+            masks = _uploaded(
+                resources, appearance.masks, lambda held: upload_masks(held, appearance.btf)
+            )
+            textures |= masks.textures
     for texture, held in textures.items():
         shader.uniform_sampler(f"{name}_{texture}", held)
-    shader.uniform_float(f"{name}_scale", uploaded.scale)
+    for number, value in uploaded.numbers.items():
+        shader.uniform_float(f"{name}_{number}", value)
 
 
 def _uploaded(resources: Resources, held: object, upload: Callable[[Any], Any]) -> Any:
@@ -300,7 +309,8 @@ def _forget_textures(resources: Resources, items: Sequence[Item]) -> None:
     shown = set()
     for look in (item.appearance for item in items):
         world = look.world and look.world.table
-        shown |= {id(held) for held in (look.btf, look.occlusion, look.coordinates, world)}
+        held = (look.btf, look.occlusion, look.coordinates, look.masks, world)
+        shown |= {id(own) for own in held}
     for key in set(resources.textures) - shown:
         del resources.textures[key]
 

@@ -3,15 +3,17 @@ compares."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
-from ..tables.tables import Tables
+from ..tables.any_tables import AnyTables
 from .context import need_gpu
-from .shader import FULL_SCREEN, compile_info, constants, let_go, read_tables, start_info
-from .textures import upload, upload_coordinates
+from .shader import FULL_SCREEN, compile_info, constants, four, let_go, read_tables, start_info
+from .textures import laid_out, upload, upload_coordinates, upload_masks
 
 _MAIN = """
 void main()
@@ -28,21 +30,35 @@ void main()
 
 
 class FlatEvaluator:
-    """One model's textures and the shader that evaluates them for a light and a view at a time."""
+    """One model's textures, or a blend's, and the shader that evaluates them for a light and a view
+    at a time. `weights` of a blend may be changed from one picture to the next."""
 
-    def __init__(self, tables: Tables, coordinates: NDArray[np.integer] | None = None) -> None:
-        """`coordinates` (H, W, 2) is a map that lays the patch anew.
+    def __init__(
+        self,
+        *tables: AnyTables,
+        coordinates: NDArray[np.integer] | None = None,
+        weights: Sequence[float] = (),
+        masks: NDArray[np.floating] | None = None,
+    ) -> None:
+        """`coordinates` (H, W, 2) is a map that lays the patch anew, `weights` are those of several
+        sparse tables, and `masks` (n, y, x) factors to them.
 
-        Raises NacreError where there is no GPU, or tables do not fit its textures.
+        Raises NacreError where there is no GPU, tables do not fit its textures or cannot be
+        blended.
         """
         need_gpu()
-        self.tables = tables
-        uploaded = upload(tables)
-        self.scale, self.textures = uploaded.scale, uploaded.textures
+        held = laid_out(*tables)
+        uploaded = upload(held)
+        self.numbers, self.textures = uploaded.numbers, uploaded.textures
+        self.lit, self.size = held.light is not None, (held.width, held.height)
         if coordinates is not None:
             self.textures = {**self.textures, **upload_coordinates(coordinates).textures}
         info, source = start_info()
-        text, _ = read_tables(info, "BTF", constants(tables, coordinates=coordinates), 0)
+        self.weights = tuple(weights)
+        if masks is not None:
+            self.textures = {**self.textures, **upload_masks(masks, held).textures}
+        shape = constants(held, coordinates=coordinates, masked=masks is not None)
+        text, _ = read_tables(info, "BTF", shape, 0)
         info.vertex_in(0, "VEC2", "position")
         info.push_constant("VEC4", "nacre_place")
         info.push_constant("VEC3", "nacre_light")
@@ -66,8 +82,7 @@ class FlatEvaluator:
         """Values (height, width, 3) for unit directions (3,), y upward; of occlusion three times
         the same. `size` is (width, height), the patch's own when not given; `patches` are seen
         along the width and height from `offset` on."""
-        height, width = self.tables.core.shape[4:6]
-        width, height = size or (width, height)
+        width, height = size or self.size
         screen = gpu.types.GPUOffScreen(width, height, format="RGBA32F")
         try:
             with screen.bind():
@@ -92,8 +107,11 @@ class FlatEvaluator:
         shader.bind()
         for name, texture in self.textures.items():
             shader.uniform_sampler(f"BTF_{name}", texture)
-        shader.uniform_float("BTF_scale", self.scale)
-        if self.tables.light is not None:
+        for name, number in self.numbers.items():
+            shader.uniform_float(f"BTF_{name}", number)
+        if len(self.weights) > 1:
+            shader.uniform_float("BTF_weights", four(self.weights))
+        if self.lit:
             shader.uniform_float("nacre_light", tuple(map(float, light)))
         shader.uniform_float("nacre_view", tuple(map(float, view)))
         shader.uniform_float("nacre_place", place)

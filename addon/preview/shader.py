@@ -1,8 +1,10 @@
-"""Shaders printed for the shapes of tables: evaluate.glsl with its sizes as constants."""
+"""Shaders printed for the shapes of tables: evaluate.glsl or sparse.glsl with its sizes as
+constants."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import gpu
@@ -11,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..shader_files import shader_text
 from ..tables.levels import regions
+from ..tables.sparse_layout import SparseLayout
 from .textures import can_filter, core_tiles
 
 if TYPE_CHECKING:  # models need the compiled packages, and the engine registers without
@@ -18,7 +21,7 @@ if TYPE_CHECKING:  # models need the compiled packages, and the engine registers
     from ..tables.tables import Tables
 
 Constants = Mapping[str, str]
-"""What evaluate.glsl is compiled with; equal for tables that differ only in their numbers."""
+"""What a shader of tables is compiled with; equal for tables that differ only in their numbers."""
 
 FULL_SCREEN = "void main() { gl_Position = vec4(position, 0.0, 1.0); }"
 """A vertex shader for three vertices `position` that cover the picture."""
@@ -27,12 +30,25 @@ _vec4 = "vec4({:.1f}, {:.1f}, {:.1f}, {:.1f})"
 
 
 def constants(
-    tables: Tables,
+    tables: Tables | SparseLayout,
     world: EnvironmentTable | None = None,
     coordinates: NDArray[np.integer] | None = None,
+    masked: bool = False,
 ) -> Constants:
-    """The constants of one set of tables, without the set's name; with a world's light, and laid by
-    a map of coordinates (H, W, 2)."""
+    """The constants of one set of tables, without the set's name; with a world's light, laid by a
+    map of coordinates (H, W, 2), or blended by masks. Sparse ones have no world's light."""
+    text = _sparse(tables) if isinstance(tables, SparseLayout) else _tensor(tables)
+    if world is not None:
+        text["WORLD"] = str(world.grid)
+        text["WORLD_CHANNELS"] = str(world.vectors.shape[1])
+    if coordinates is not None:
+        text["COORDINATES"] = "ivec2({1}, {0})".format(*coordinates.shape)
+    if masked:
+        text["MASKS"] = "1"
+    return text
+
+
+def _tensor(tables: Tables) -> dict[str, str]:
     clusters_light, clusters_view, rank, view_quads, height, width, _ = tables.core.shape
     layout = regions(height, width)
     tiles = core_tiles(clusters_light * clusters_view * rank * view_quads)
@@ -61,23 +77,52 @@ def constants(
         text["LIGHT_OWNERS"] = str(len(tables.light))
     else:
         text["LIGHT_OWNERS"] = "1"
-    if world is not None:
-        text["WORLD"] = str(world.grid)
-        text["WORLD_CHANNELS"] = str(world.vectors.shape[1])
-    if coordinates is not None:
-        text["COORDINATES"] = "ivec2({1}, {0})".format(*coordinates.shape)
+    return text
+
+
+def _sparse(layout: SparseLayout) -> dict[str, str]:
+    from ..models.domain import TO_RGB
+
+    ends = [0, *accumulate(quads for images in layout.images for quads in images)]
+    numbers = {
+        "TEXEL_QUADS": layout.longest[0],
+        "LIGHT_QUADS": layout.longest[1],
+        "VIEW_QUADS": layout.longest[2],
+        "MATERIALS": len(layout.images),
+        "IMAGES": ends[-1],
+        "LIGHT_IMAGES": len(layout.light) - ends[-1],
+        "VIEW_IMAGES": len(layout.view) - ends[-1],
+        "LIGHT_TILES": core_tiles(len(layout.light)),
+        "VIEW_TILES": core_tiles(len(layout.view)),
+        "MAP": layout.light.shape[1],
+        "LEVELS": len(layout.levels),
+    }
+    text = {name: str(number) for name, number in numbers.items()}
+    first, sizes = 0, []
+    for height, width in layout.levels:
+        sizes.append(f"ivec3({width}, {height}, {first})")
+        first += height * width
+    images = [f"ivec3{tuple(ends[i : i + 3])}" for i in range(0, len(ends) - 2, 2)]
+    text["IMAGES_OF"] = f"ivec3[{len(images)}]({', '.join(images)})"
+    text["SIZES"] = f"ivec3[{len(sizes)}]({', '.join(sizes)})"
+    text["SIZE"] = f"vec2({layout.width:.1f}, {layout.height:.1f})"
+    text["TO_RGB"] = "mat3({})".format(", ".join(f"{part:.9g}" for part in TO_RGB.T.ravel()))
+    text["OFFSET"] = f"{layout.offset:.9g}"
+    text["LOWEST"] = f"{max(layout.lowest, 1e-6):.9g}"
+    text["SPARSE"] = text["LIGHT"] = "1"
     return text
 
 
 def samplers(numbers: Constants) -> tuple[str, ...]:
-    """The textures that evaluate.glsl reads with these constants, without the set's name."""
-    names = ["core", "view"]
-    if "LIGHT" in numbers:
-        names.append("light")
-    names += [
-        f"{mode}_index" for mode in ("light", "view") if int(numbers[f"C_{mode.upper()}"]) > 1
-    ]
-    names += [name for name in ("world", "coordinates") if name.upper() in numbers]
+    """The textures that are read with these constants, without the set's name."""
+    if "SPARSE" in numbers:
+        names = ["coefficients", "lists", "texels", "light", "view"]
+    else:
+        names = ["core", "view", *(["light"] if "LIGHT" in numbers else [])]
+        names += [
+            f"{mode}_index" for mode in ("light", "view") if int(numbers[f"C_{mode.upper()}"]) > 1
+        ]
+    names += [name for name in ("world", "coordinates", "masks") if name.upper() in numbers]
     return tuple(names)
 
 
@@ -85,17 +130,21 @@ def read_tables(
     info: gpu.types.GPUShaderCreateInfo, name: str, numbers: Constants, slot: int
 ) -> tuple[str, int]:
     """Constants and samplers of a set of tables for a shader: its printed source, and the next
-    free slot. The push constant NAME_scale takes TableTextures.scale, NAME_world_scale its
-    core_scale times that of the world's light."""
+    free slot. The push constants are TableTextures.numbers, and NAME_world_scale, its core_scale
+    times that of the world's light, or NAME_weights of a blend."""
     for key, text in numbers.items():
         info.define(f"{name}_{key}", text)
-    info.push_constant("FLOAT", f"{name}_scale")
+    if "SPARSE" not in numbers:
+        info.push_constant("FLOAT", f"{name}_scale")
+    elif int(numbers["MATERIALS"]) > 1:
+        info.push_constant("VEC4", f"{name}_weights")
     if "WORLD" in numbers:
         info.push_constant("FLOAT", f"{name}_world_scale")
     for texture in samplers(numbers):
         info.sampler(slot, "FLOAT_2D_ARRAY", f"{name}_{texture}")
         slot += 1
-    return shader_text("evaluate.glsl").replace("TABLE", name), slot
+    source = "sparse.glsl" if "SPARSE" in numbers else "evaluate.glsl"
+    return shader_text(source).replace("TABLE", name), slot
 
 
 def start_info() -> tuple[gpu.types.GPUShaderCreateInfo, str]:
@@ -103,7 +152,13 @@ def start_info() -> tuple[gpu.types.GPUShaderCreateInfo, str]:
     info = gpu.types.GPUShaderCreateInfo()
     if can_filter():
         info.define("NACRE_HARDWARE_FILTER", "1")
-    return info, shader_text("parabolic.glsl") + shader_text("orientations.glsl")
+    texts = ("parabolic.glsl", "orientations.glsl", "sparse_common.glsl")
+    return info, "".join(map(shader_text, texts))
+
+
+def four(weights: Sequence[float]) -> tuple[float, ...]:
+    """Weights of a blend as NAME_weights takes them."""
+    return (*map(float, weights), *[0.0] * (4 - len(weights)))
 
 
 def compile_info(info: gpu.types.GPUShaderCreateInfo) -> gpu.types.GPUShader:

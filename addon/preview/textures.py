@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import gpu
@@ -11,8 +12,10 @@ from numpy.typing import NDArray
 
 from ..errors import NacreError
 from ..tables.levels import layers_of_levels
+from ..tables.sparse_layout import SparseLayout, masks_of_levels, sparse_layout
 
 if TYPE_CHECKING:  # models need the compiled packages, and the engine registers without
+    from ..tables.any_tables import AnyTables
     from ..tables.environment import EnvironmentTable
     from ..tables.tables import Tables
 
@@ -27,22 +30,22 @@ TEXEL_BYTES = 8  # RGBA, half floats
 
 @dataclass(frozen=True)
 class Uploaded:
-    """Textures by the names that evaluate.glsl gives them, without the set's; `bytes` on the
-    card."""
+    """Textures and numbers by the names that evaluate.glsl gives them, without the set's; `bytes`
+    on the card."""
 
     textures: dict[str, gpu.types.GPUTexture]
     bytes: int
+    numbers: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class TableTextures(Uploaded):
     """Those of one set of tables: half floats scaled to a peak of 1 each.
 
-    `scale` takes values back, and `core_scale` the core contracted with the view.
+    The number `scale` takes values back, and `core_scale` the core contracted with the view.
     """
 
-    scale: float
-    core_scale: float
+    core_scale: float = 1.0
 
 
 def can_filter() -> bool:
@@ -50,14 +53,37 @@ def can_filter() -> bool:
     return hasattr(gpu.types.GPUTexture, "filter_mode")
 
 
+def filter_in_hardware(texture: gpu.types.GPUTexture) -> None:
+    """Have a texture filtered where it can be."""
+    if can_filter():
+        texture.filter_mode(True)
+
+
 def core_tiles(blocks: int) -> int:
     """Core blocks side by side in one layer, where there are more of them than layers."""
     return -(-blocks // LAYERS)
 
 
-def upload(tables: Tables) -> TableTextures:
+def laid_out(*tables: AnyTables) -> Tables | SparseLayout:
+    """Tables as `upload` takes them, or those of a blend; made once and not for each picture.
+
+    Raises NacreError for tables that cannot be blended.
+    """
+    from ..tables.sparse_tables import SparseTables
+
+    sparse = [one for one in tables if isinstance(one, SparseTables)]
+    if len(sparse) == len(tables):
+        return sparse_layout(*sparse)
+    if len(tables) > 1:
+        raise NacreError("only sparse models can be blended")
+    return tables[0]
+
+
+def upload(tables: Tables | SparseLayout) -> TableTextures:
     """Tables as half floats on the card. Raises NacreError when they do not fit textures."""
-    arrays = {"core": _tiled(layers_of_levels(tables.core)), "view": _layers(tables.view)}
+    if isinstance(tables, SparseLayout):
+        return _upload_sparse(tables)
+    arrays = {"core": tiled(layers_of_levels(tables.core)), "view": _layers(tables.view)}
     if tables.light is not None:
         arrays["light"] = _layers(tables.light)
     peaks = {name: float(np.abs(array).max()) or 1.0 for name, array in arrays.items()}
@@ -71,10 +97,22 @@ def upload(tables: Tables) -> TableTextures:
         if clusters > 1:
             arrays[name] = _index_quads(index)
     textures = {name: texture_array(array) for name, array in arrays.items()}
-    if can_filter():
-        textures["core"].filter_mode(True)
+    filter_in_hardware(textures["core"])
     size = sum(array.size // 4 * TEXEL_BYTES for array in arrays.values())
-    return TableTextures(textures, size, core_scale * peaks.get("light", 1.0), core_scale)
+    numbers = {"scale": core_scale * peaks.get("light", 1.0)}
+    return TableTextures(textures, size, numbers, core_scale)
+
+
+def _upload_sparse(layout: SparseLayout) -> TableTextures:
+    arrays = {name: getattr(layout, name) for name in ("coefficients", "texels")}
+    arrays |= {name: tiled(getattr(layout, name)) for name in ("light", "view")}
+    textures = {name: texture_array(array) for name, array in arrays.items()}
+    for name in ("light", "view"):
+        filter_in_hardware(textures[name])
+    # Half floats count to 2048.
+    textures["lists"] = texture_array(layout.lists, "RGBA32F")
+    size = sum(array.size // 4 * TEXEL_BYTES for array in arrays.values()) + layout.lists.nbytes
+    return TableTextures(textures, size)
 
 
 def upload_world(table: EnvironmentTable) -> Uploaded:
@@ -95,6 +133,12 @@ def upload_coordinates(coordinates: NDArray[np.integer]) -> Uploaded:
     return Uploaded({"coordinates": texture_array(pixels, "RGBA32F")}, pixels.nbytes)
 
 
+def upload_masks(masks: NDArray[np.floating], layout: SparseLayout) -> Uploaded:
+    """Weights (n, y, x) of a blend's materials. Raises NacreError for those of another size."""
+    pixels = masks_of_levels(masks, layout)
+    return Uploaded({"masks": texture_array(pixels)}, pixels.size // 4 * TEXEL_BYTES)
+
+
 def texture_array(array: NDArray[np.float32], format: str = "RGBA16F") -> gpu.types.GPUTexture:
     """A texture array from (layers, height, width, 4). Raises NacreError beyond the limits."""
     layers, height, width, _ = array.shape
@@ -102,7 +146,7 @@ def texture_array(array: NDArray[np.float32], format: str = "RGBA16F") -> gpu.ty
         raise NacreError(
             f"the tables need a texture of {width} x {height} with {layers} layers, and graphics "
             f"cards take {LARGEST} x {LARGEST} with {LAYERS}: compress with lower ranks or fewer "
-            "clusters"
+            "clusters, or a lower quality"
         )
     data = np.ascontiguousarray(array, np.float32).reshape(-1)
     buffer = gpu.types.Buffer("FLOAT", data.size, data)
@@ -113,7 +157,7 @@ def _layers(maps: NDArray[np.float32]) -> NDArray[np.float32]:
     return maps.reshape(-1, *maps.shape[-3:])
 
 
-def _tiled(blocks: NDArray[np.float32]) -> NDArray[np.float32]:
+def tiled(blocks: NDArray[np.float32]) -> NDArray[np.float32]:
     """Blocks (n, height, width, 4) as layers of `core_tiles` blocks side by side."""
     tiles = core_tiles(len(blocks))
     if tiles == 1:

@@ -12,6 +12,7 @@ from ..errors import NacreError
 from ..preview.appearance import Appearance
 from ..preview.flat import FlatEvaluator
 from ..preview.picture import camera_picture
+from ..preview.textures import laid_out
 from ..tables.any_tables import AnyTables
 from .engines import set_format
 from .stage import add_camera, add_mesh, add_sun, new_scene, unit
@@ -41,6 +42,7 @@ def object_picture(
     samples: int,
 ) -> None:
     """Write an object under a sun; directions in degrees from the object's +z and +x."""
+    shown = laid_out(tables)
     material = bpy.data.materials.new("Nacre")
     try:
         with new_scene(size) as scene:
@@ -50,7 +52,7 @@ def object_picture(
             layer = scene.view_layers[0]
             layer.update()
             pixels, _ = camera_picture(
-                layer.depsgraph, size, samples, lambda _material: Appearance(btf=tables)
+                layer.depsgraph, size, samples, lambda _material: Appearance(btf=shown)
             )
     finally:
         bpy.data.materials.remove(material)

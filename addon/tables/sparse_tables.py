@@ -109,11 +109,22 @@ def build_sparse_tables(
 ) -> SparseTables:
     """Resample a model's light and view matrices to direction maps of `size` by a kernel of
     models.sparse.interpolation. Raises Cancelled on request."""
-    directions = texel_directions(size).reshape(-1, 3)
-    by_light = weights(model.ensemble.light, directions, kernel)
+    directions = texel_directions(size)
+    return tables_at(model, directions, directions, kernel)
+
+
+def tables_at(
+    model: SparseBtf,
+    lights: NDArray[np.floating],
+    views: NDArray[np.floating],
+    kernel: str = "linear",
+) -> SparseTables:
+    """Tables whose maps have the rows of the unit directions `lights` and `views` (N, N, 3)."""
+    size = len(lights)
+    by_light = weights(model.ensemble.light, lights.reshape(-1, 3), kernel)
     by_view = by_light
-    if not np.array_equal(model.ensemble.view, model.ensemble.light):
-        by_view = weights(model.ensemble.view, directions, kernel)
+    if lights is not views or not np.array_equal(model.ensemble.view, model.ensemble.light):
+        by_view = weights(model.ensemble.view, views.reshape(-1, 3), kernel)
 
     def maps(by: NDArray[np.float32], columns: NDArray[np.floating]) -> Maps:
         return np.ascontiguousarray((by @ columns).T, np.float32).reshape(-1, size, size)

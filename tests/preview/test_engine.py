@@ -90,8 +90,8 @@ def test_missing_and_broken_models_are_told(tmp_path):
 
 def test_tables_are_kept_until_the_file_changes(tmp_path, monkeypatch):
     read = []
-    monkeypatch.setattr("addon.models.exr.load_model", lambda path: read.append(path))
-    monkeypatch.setattr("addon.tables.tables.build_tables", lambda model: object())
+    monkeypatch.setattr("addon.models.any_model.load_any", lambda path: read.append(path))
+    monkeypatch.setattr("addon.tables.any_tables.build_any_tables", lambda model: object())
     appearance.read_tables.cache_clear()
     path = tmp_path / "model.exr"
     path.write_bytes(b"1")

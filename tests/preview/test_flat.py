@@ -144,7 +144,9 @@ def test_a_map_that_only_repeats_changes_nothing(name, smooth_tables):
     light, view = directions(PAIRS[1])
     repeats = np.indices((64, 64)).transpose(1, 2, 0) % (32, 16)
     plain, laid = (
-        FlatEvaluator(tables, coordinates).picture(light[0], view[0], (48, 96), LAID[name])
+        FlatEvaluator(tables, coordinates=coordinates).picture(
+            light[0], view[0], (48, 96), LAID[name]
+        )
         for coordinates in (None, repeats)
     )
     assert plain.std() > 1e-3 * plain.mean()
@@ -160,7 +162,7 @@ def test_a_map_of_coordinates_in_the_distance_is_what_its_texels_average_to(smoo
     moves = rng.integers(0, 32, (size // square, size // square, 2))
     moves = moves.repeat(square, 0).repeat(square, 1)
     coordinates = (np.indices((size, size)).transpose(1, 2, 0) + moves) % 32
-    evaluator = FlatEvaluator(tables, coordinates)
+    evaluator = FlatEvaluator(tables, coordinates=coordinates)
 
     def seen(pixels: int) -> np.ndarray:
         return evaluator.picture(light[0], view[0], (pixels, pixels), size / 32)
