@@ -48,7 +48,7 @@ class NACRE_OT_compress(JobOperator, bpy.types.Operator):
         from ..models.sparse.files import save_sparse
         from ..models.steps import Steps
         from ..nodes.kept_world import environment_for, kept_world
-        from ..tables.any_tables import build_any_tables
+        from ..nodes.node_tables import build_node_tables
 
         chosen = context.scene.nacre
         dataset = open_dataset(bpy.path.abspath(chosen.dataset))
@@ -71,7 +71,7 @@ class NACRE_OT_compress(JobOperator, bpy.types.Operator):
             quality = quality_of_model(model)
             if not self._showing:
                 return output, quality, None, []
-            tables = build_any_tables(model, progress=steps.step(1))
+            tables = build_node_tables(model, progress=steps.step(1))
             return output, quality, tables, [environment_for(world, tables) for world in worlds]
 
         return work

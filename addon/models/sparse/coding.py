@@ -173,9 +173,7 @@ def _state(
     return arrays, {"done": done, "patches": patches, "parts": list(codes)}
 
 
-def _restored(
-    file: StateFile, offset: float
-) -> tuple[Normalisation, dict[str, Codes], int] | None:
+def _restored(file: StateFile, offset: float) -> tuple[Normalisation, dict[str, Codes], int] | None:
     """What was kept: the normalisation, codes of all patches, and of how many they are there."""
     found = file.load()
     if found is None:

@@ -215,7 +215,9 @@ def quality_of(sparsity: Mapping[str, int], patch: tuple[int, int]) -> int:
 
 def room_of(quality: int, keys: tuple[str, ...], patch: tuple[int, int]) -> int:
     """How many coefficients of a patch take at most 2 N bytes a texel, all parts together."""
-    return max(len(keys), (2 * quality * prod(patch) - PATCH_BYTES * len(keys)) // COEFFICIENT_BYTES)
+    return max(
+        len(keys), (2 * quality * prod(patch) - PATCH_BYTES * len(keys)) // COEFFICIENT_BYTES
+    )
 
 
 def sparsity_of(quality: int, keys: tuple[str, ...], patch: tuple[int, int]) -> dict[str, int]:

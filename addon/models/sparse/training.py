@@ -87,7 +87,9 @@ def train(
     shares = len(sparsity)
     with tempfile.TemporaryDirectory(prefix=".patches-", dir=folder) as scratch:
         report = _part_of(progress, 0.0, 0.1)
-        files = _write_patches(datasets, chosen, patch, tuple(sparsity), offset, by_deviation, scratch, report)
+        files = _write_patches(
+            datasets, chosen, patch, tuple(sparsity), offset, by_deviation, scratch, report
+        )
         for number, (key, count) in enumerate(sparsity.items()):
             report = _part_of(
                 progress, 0.1 + 0.9 * number / shares, 0.1 + 0.9 * (number + 1) / shares
