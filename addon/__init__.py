@@ -32,10 +32,11 @@ def unregister() -> None:
     """Stop a running job and take everything back."""
     import bpy
 
-    from . import jobs, live, operators, panels, properties
+    from . import jobs, live, operators, panels, properties, quality_slider
     from .preview import engine, standard_panels
 
     jobs.stop()
+    quality_slider.stop()
     live.unregister()
     while _cli_commands:
         bpy.utils.unregister_cli_command(_cli_commands.pop())

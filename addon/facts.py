@@ -11,7 +11,13 @@ from .datasets.dataset import Dataset, open_dataset
 from .datasets.importing import READERS, describe_source, detect_format
 from .errors import NacreError
 
-METHODS = {"nsvd": "N-SVD", "cta": "CTA", "kcta": "K-CTA", "mkcta": "MK-CTA"}
+METHODS = {
+    "nsvd": "N-SVD",
+    "cta": "CTA",
+    "kcta": "K-CTA",
+    "mkcta": "MK-CTA",
+    "sparse": "SparseBTF",
+}
 
 
 def parse_facts(facts: str) -> list[tuple[str, str]]:
@@ -41,18 +47,43 @@ def model_facts(path: str) -> str:
     """Method, size, ratio and SNR of a model file, or what is wrong with it."""
 
     def describe() -> dict[str, str]:
-        from .models.exr import load_model
+        from .models.any_model import load_any, quality_of_model
 
-        model = load_model(path)
+        model = load_any(path)
         size = os.path.getsize(path)
+        method = METHODS.get(str(model.fit.get("method")), "Clustered Tucker")
+        quality = quality_of_model(model)
         rows = {
             "Name": os.path.basename(path),
-            "Method": METHODS.get(str(model.fit.get("method")), "Clustered Tucker"),
+            "Method": f"{method}({quality})" if quality else method,
             "Size": f"{size_text(size)} (1 : {round(4 * math.prod(model.shape) / size)})",
         }
         if "snr_db" in model.fit:
             rows["SNR"] = f"{model.fit['snr_db']:.1f} dB"
         return rows
+
+    return _facts(describe, path)
+
+
+def ensemble_facts(dataset: str, path: str, quality: int) -> str:
+    """What dictionaries a dataset would be coded in, and the size; or why they do not fit it."""
+
+    def describe() -> dict[str, str]:
+        from .models.sparse.ensemble import choose
+        from .models.sparse.files import load_ensemble
+
+        btf = open_dataset(dataset)
+        ensemble = choose({os.path.basename(path): load_ensemble(path)}, btf)
+        dictionaries = ensemble.dictionaries
+        counts = ", ".join(f"{len(modes[0])} for {key}" for key, modes in dictionaries.items())
+        halves = sum(matrices.size for modes in dictionaries.values() for matrices in modes)
+        halves += 2 * btf.sizes["light"] * btf.sizes["view"]
+        size = 2 * halves + 2 * quality * btf.sizes["y"] * btf.sizes["x"]
+        return {
+            "Dictionaries": counts,
+            "Patches": " × ".join(str(side) for side in reversed(ensemble.patch)),
+            "Size": f"up to {size_text(size)} (1 : {round(btf.raw_bytes / size)})",
+        }
 
     return _facts(describe, path)
 

@@ -22,6 +22,7 @@ from .nodes.light_set import (
     light_sets,
     owner_of,
 )
+from .quality_slider import follow_qualities
 
 # Modules that need the compiled packages are imported where there is something to show: the
 # extension must come up without them, to say so.
@@ -142,6 +143,12 @@ def _read(*_: Any) -> None:
 
 
 @persistent
+def _reverted(scene: bpy.types.Scene | str | None, *_: Any) -> None:
+    _changed(scene)
+    follow_qualities()
+
+
+@persistent
 def _part(*_: Any) -> None:
     part_from_lights()
 
@@ -158,13 +165,13 @@ def _swap(*_: Any) -> None:
 
 _HANDLERS = (
     ("depsgraph_update_post", _updated),
-    ("load_post", _changed),
+    ("load_post", _reverted),
     ("load_post", _read),
     ("blend_import_post", _read),
     ("undo_pre", _part),
     ("redo_pre", _part),
-    ("undo_post", _changed),
-    ("redo_post", _changed),
+    ("undo_post", _reverted),
+    ("redo_post", _reverted),
     ("render_init", _swap),
     ("render_complete", _swap),
     ("render_cancel", _swap),

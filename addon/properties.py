@@ -6,13 +6,14 @@ from bpy.props import (
     EnumProperty,
     FloatProperty,
     FloatVectorProperty,
+    IntProperty,
     PointerProperty,
     StringProperty,
 )
 
 from .comparison_properties import NACRE_PG_comparison
 from .errors import NacreError
-from .facts import dataset_facts, expected_model, model_facts
+from .facts import dataset_facts, ensemble_facts, expected_model, model_facts
 from .measurement_properties import NACRE_PG_measurement
 
 TARGETS = {"TARGET_DB": "target_db", "TARGET_MB": "target_mb"}
@@ -28,8 +29,14 @@ def _dataset_set(self: "NACRE_PG_scene", context: bpy.types.Context) -> None:
 
 
 def _settings_set(self: "NACRE_PG_scene", _context: bpy.types.Context) -> None:
-    self.expected_size = ""
-    if not self.dataset or self.quality in TARGETS:
+    self.expected_size = self.ensemble_facts = ""
+    if not self.dataset:
+        return
+    if self.method == "SPARSE":
+        paths = (bpy.path.abspath(path) for path in (self.dataset, self.ensemble))
+        self.ensemble_facts = ensemble_facts(*paths, self.sparse_quality)
+        return
+    if self.quality in TARGETS:
         return
     try:
         from .datasets.dataset import open_dataset
@@ -78,6 +85,12 @@ class NACRE_PG_scene(bpy.types.PropertyGroup):
                 "MK-CTA",
                 "Each view and each light mixes a few clusters: best quality on glossy surfaces",
             ),
+            (
+                "SPARSE",
+                "SparseBTF",
+                "A few coefficients of dictionaries that were trained on other materials: one file "
+                "has every quality",
+            ),
         ),
         default="KCTA",
         update=_settings_set,
@@ -118,6 +131,25 @@ class NACRE_PG_scene(bpy.types.PropertyGroup):
         soft_max=100.0,
         precision=3,
     )
+    ensemble: StringProperty(
+        name="Dictionaries",
+        description="File of the dictionaries that `train` made for the same directions, or a "
+        "sparse model that has them",
+        subtype="FILE_PATH",
+        update=_settings_set,
+    )
+    ensemble_facts: StringProperty(options={"HIDDEN"})
+    sparse_quality: IntProperty(
+        name="Quality",
+        description="Latent-equivalents N of SparseBTF(N): 2 N bytes a texel. The file has all "
+        "lower ones, too",
+        default=64,
+        min=1,
+        soft_min=16,
+        max=4096,
+        soft_max=256,
+        update=_settings_set,
+    )
     expected_size: StringProperty(options={"HIDDEN"})
     output: StringProperty(
         name="Save As",
@@ -144,6 +176,15 @@ def _lights_set(self: "NACRE_PG_material", context: bpy.types.Context) -> None:
 
     if is_nacre_material(self.id_data):
         set_lights(self.id_data, self.lights or context.scene, self.shadows)
+
+
+def _quality_set(self: "NACRE_PG_material", _context: bpy.types.Context) -> None:
+    from .quality_slider import follow_quality
+
+    for name in ("quality", "final_quality"):
+        if 0 < self.file_quality < getattr(self, name):
+            setattr(self, name, self.file_quality)
+    follow_quality(self.id_data)
 
 
 class NACRE_PG_material(bpy.types.PropertyGroup):
@@ -189,6 +230,34 @@ class NACRE_PG_material(bpy.types.PropertyGroup):
         "quality for instance; Update reads it. If empty, the same model",
         subtype="FILE_PATH",
     )
+    quality: IntProperty(
+        name="Quality",
+        description="Latent-equivalents of the sparse model that are shown: the most important "
+        "coefficients, in twice as many bytes a texel. Less is faster to draw; one file has them "
+        "all, without a new fit",
+        min=1,
+        soft_min=16,
+        default=64,
+        max=4096,
+        soft_max=256,
+        options=set(),
+        update=_quality_set,
+    )
+    final_quality: IntProperty(
+        name="Final Quality",
+        description="Latent-equivalents of the sparse model in final renders; 0 for those that are "
+        "shown",
+        min=0,
+        default=0,
+        max=4096,
+        soft_max=256,
+        options=set(),
+        update=_quality_set,
+    )
+    file_quality: IntProperty(options={"HIDDEN"})  # the best of the file; 0 if it has no slider
+    shown_quality: IntProperty(options={"HIDDEN"})  # what the nodes hold
+    shown_final: IntProperty(options={"HIDDEN"})  # and for final renders; 0 if nothing else
+    problem: StringProperty(options={"HIDDEN"})  # why it is not the one that is asked for
 
 
 CLASSES = (NACRE_PG_measurement, NACRE_PG_comparison, NACRE_PG_scene, NACRE_PG_material)

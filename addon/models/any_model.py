@@ -8,7 +8,7 @@ from ..errors import NacreError
 from .clustered_tucker import ClusteredTucker
 from .exr import load_model
 from .exr_arrays import read_description
-from .sparse.files import MODEL, load_sparse
+from .sparse.files import MODEL, load_progressively, load_sparse
 from .sparse.model import SparseBtf
 
 Model = ClusteredTucker | SparseBtf
@@ -30,3 +30,16 @@ def load_shown(path: str | os.PathLike[str]) -> Model:
             "Occlusion"
         )
     return model
+
+
+def load_first(path: str | os.PathLike[str]) -> Model:
+    """What can be shown first of a BTF: of sparse codes, a low quality out of the first part of the
+    file. NacreError as for `load_any`, and for occlusion."""
+    if read_description(path).get("model") == MODEL:
+        return next(load_progressively(path))
+    return load_shown(path)
+
+
+def quality_of_model(model: Model) -> int:
+    """Latent-equivalents of sparse codes; 0 for a model that has no such thing."""
+    return model.quality if isinstance(model, SparseBtf) else 0

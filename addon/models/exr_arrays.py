@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import io
 import json
 import os
 import secrets
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,8 @@ _ATTRIBUTE = b"nacre\0string\0"  # as a header spells it, before the size of the
 _HEADER_BYTES = 4096  # the attribute begins within these: OpenEXR sorts attributes by name
 _SEAL = b'{"crc32": "'
 _UNSEALED = b"00000000"  # stands for the checksum where the checksum is computed
+
+_SHARES = (0.125, 0.25, 0.5, 0.75)  # of a file, after which what has come in is looked at
 
 _NO_ROOM = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 
@@ -104,9 +107,40 @@ def read_arrays(
     intact = _is_intact(path)
     if not intact and not partial:
         raise _damaged(path)
+    return _arrays(path, str(path), intact)
+
+
+def read_growing(
+    path: str | os.PathLike[str],
+) -> Iterator[tuple[dict[str, NDArray[Any]], dict[str, Any]]]:
+    """What `read_arrays` reads with `partial`, more of it each time, as a file of any length comes
+    in: of an eighth, a quarter, half, three quarters and all of its bytes. Shares without any array
+    are left out.
+
+    Raises NacreError as `read_arrays` does, for what is wrong with the whole file at the end.
+    """
+    if not is_model(path):
+        raise NacreError(f"{path}: an OpenEXR picture, but not a model of Nacre's")
+    data = bytearray()
+    with open(path, "rb") as file:
+        size = os.fstat(file.fileno()).st_size
+        for share in _SHARES:
+            data += file.read(int(size * share) - len(data))
+            try:
+                found = _arrays(path, io.BytesIO(data), intact=False)
+            except NacreError:
+                continue
+            yield found
+    yield read_arrays(path, partial=True)
+
+
+def _arrays(
+    path: str | os.PathLike[str], source: str | io.BytesIO, intact: bool
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """The arrays that are found in a file or in its bytes; NacreError, naming `path`."""
     try:
         with quiet():
-            parts = OpenEXR.File(str(path), separate_channels=True).parts
+            parts = OpenEXR.File(source, separate_channels=True).parts
         description = json.loads(parts[0].header["nacre"])
         images = {part.name(): part.channels[CHANNEL].pixels for part in parts}
     except (RuntimeError, LookupError, ValueError) as error:

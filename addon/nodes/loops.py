@@ -26,7 +26,7 @@ def repeat(g: Graph, count: int, start: Sequence[Operand], body: Body) -> list[W
     """
     if count == 1:
         return list(body(g, 0, list(start)))  # type: ignore[arg-type]
-    if _has_zones():
+    if has_zones():
         return _zone(g, count, start, body)
     return _copies(g, count, start, body)
 
@@ -57,7 +57,8 @@ def clear(
             bpy.data.node_groups.remove(loop)
 
 
-def _has_zones() -> bool:
+def has_zones() -> bool:
+    """Whether shaders can loop here."""
     return bpy.app.version >= (5, 0)
 
 

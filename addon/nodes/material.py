@@ -9,8 +9,10 @@ import numpy as np
 from mathutils import Vector
 from numpy.typing import NDArray
 
+from ..errors import NacreError
 from ..tables.any_tables import AnyTables
 from ..tables.environment import EnvironmentTable
+from ..tables.sparse_tables import SparseTables
 from ..tables.tables import Tables
 from .coordinates import make_coordinates, stored_coordinates
 from .coverage_group import lay_coverage, make_coverage_group, remove_coverage_group
@@ -22,12 +24,16 @@ from .model_group import (
     lights_of,
     make_model_group,
     remove_model_group,
+    show_blended,
     show_coordinates,
     show_environment,
     show_lights,
     show_tables,
 )
-from .packed_tables import is_packed, is_sparse, pack, stored
+from .packed_sparse import pack_sparse
+from .packed_tables import Packed, is_packed, is_sparse, pack, stored, unpack
+from .packed_tensor import PackedTensor, pack_tensor
+from .sparse_blend import blended_with, goes_with
 
 MODEL_NODE = "Nacre Model"
 COVERAGE_NODE = "Nacre Coverage"
@@ -41,8 +47,8 @@ def material_from_tables(
 
     Raises NacreError when the tables do not fit a texture.
     """
-    packed = pack(f"Nacre {name}", tables)
-    group = make_model_group(f"Nacre {name}", packed, lights and light_set(lights))
+    packed, stand_in = _packed(f"Nacre {name}", tables)
+    group = make_model_group(f"Nacre {name}", packed, lights and light_set(lights), stand_in)
     material = bpy.data.materials.new(name)
     if material.node_tree is None:  # 4.5 makes the tree on request
         material.use_nodes = True
@@ -84,9 +90,18 @@ def set_tables(
     group = group_of(material)
     if stored_coordinates(group) is not None and not _same_texels(group, tables):
         set_coordinates(material, None)
-    show_tables(group, pack(group.name, tables), lights_of(group))
+    packed, stand_in = _packed(group.name, tables)
+    show_tables(group, packed, lights_of(group), stand_in)
     _lead_to_cycles(material)
     _light_by_kept_world(material, group, environment)
+
+
+def _packed(name: str, tables: AnyTables) -> tuple[Packed, PackedTensor | None]:
+    """Tables as images, and those that stand in for them."""
+    packed = pack(name, tables)
+    if isinstance(tables, Tables) or tables.stand_in is None:
+        return packed, None
+    return packed, pack_tensor(f"{name} Stand-In", tables.stand_in)
 
 
 def _same_texels(group: bpy.types.ShaderNodeTree, tables: AnyTables) -> bool:
@@ -232,18 +247,47 @@ def set_final_tables(
         return
     shown = group_of(material)
     if node is not None:
-        show_tables(node.node_tree, pack(node.node_tree.name, tables), lights_of(node.node_tree))
+        packed, stand_in = _packed(node.node_tree.name, tables)
+        show_tables(node.node_tree, packed, lights_of(node.node_tree), stand_in)
     else:
         name = f"{shown.name} Final"
+        packed, stand_in = _packed(name, tables)
         node = nodes.new("ShaderNodeGroup")
-        node.node_tree = make_model_group(name, pack(name, tables), lights_of(shown))
+        node.node_tree = make_model_group(name, packed, lights_of(shown), stand_in)
         node.name = node.label = FINAL_NODE
         node.location = nodes[MODEL_NODE].location - Vector((0.0, 300.0))
+    blended = blended_with(shown)
+    if blended is not None and goes_with(stored(node.node_tree), blended):
+        blended = pack_sparse(f"{node.node_tree.name} Blended", unpack(blended))
+        show_blended(node.node_tree, blended)
     _lead_to_cycles(material)
     laid = stored_coordinates(shown) if _same_texels(shown, tables) else None
     if laid != stored_coordinates(node.node_tree):
         show_coordinates(node.node_tree, laid)
     _light_by_kept_world(material, node.node_tree, environment)
+
+
+def set_blended(material: bpy.types.Material, tables: SparseTables | None) -> None:
+    """Mix a sparse model with a second one, by the input Mix of the material's node; None for none.
+    A final model of another method is shown by itself.
+
+    Raises NacreError when their logarithms do not go together.
+    """
+    for group in groups_of(material):
+        if tables is None:
+            show_blended(group, None)
+            continue
+        packed = pack_sparse(f"{group.name} Blended", tables)
+        if goes_with(stored(group), packed):
+            show_blended(group, packed)
+            continue
+        for atlas in packed.atlases.values():
+            bpy.data.images.remove(atlas.image)
+        if group == group_of(material):
+            raise NacreError(
+                f"{material.name}: only a sparse model of the same offset of the logarithm "
+                f"({tables.offset:g}) can be mixed with this one"
+            )
 
 
 def swap_final(material: bpy.types.Material) -> None:

@@ -17,7 +17,7 @@ from .environment_light import environment_radiance
 from .evaluation import Evaluation
 from .graph import Graph, Wire
 from .light_set import key_of
-from .loops import choose, clear, repeat
+from .loops import choose, clear, has_zones, repeat
 from .packed_environment import (
     PackedEnvironment,
     pack_environment,
@@ -27,9 +27,10 @@ from .packed_environment import (
     stored_environment,
 )
 from .packed_sparse import PackedSparse
-from .packed_tables import HOLDER, Packed, is_holder, is_sparse, store, stored
+from .packed_tables import HOLDER, Packed, is_holder, is_packed, is_sparse, store, stored
 from .packed_tensor import PackedTensor
-from .sparse_evaluation import SparseEvaluation, colour_of, nearest_texel
+from .sparse_blend import MIX, blended_with, goes_with, store_blended
+from .sparse_evaluation import SparseAverage, SparseEvaluation, colour_of, nearest_texel
 from .sparse_script import SparseScript, follow_files
 from .texel_group import make_texel_group
 from .turning import follow_world, turned
@@ -46,13 +47,17 @@ OUTPUTS = (
     ("Cycles", "The same as Cycles can evaluate it: of a sparse model, by a script"),
 )
 _TEXEL = f"{HOLDER}Texel"
+_STAND_IN = "Stand-In "
 _LIGHTS = "Lights"
 _PARTED = "nacre_parted_from"
 _SCALE = "World Scale"
 
 
 def make_model_group(
-    name: str, packed: Packed, lights: bpy.types.ShaderNodeTree | None
+    name: str,
+    packed: Packed,
+    lights: bpy.types.ShaderNodeTree | None,
+    stand_in: PackedTensor | None = None,
 ) -> bpy.types.ShaderNodeTree:
     """A group with inputs SOCKETS and OUTPUTS: linear radiance under all lights of a light set,
     that of the material clamped at 0 for each."""
@@ -60,7 +65,7 @@ def make_model_group(
     for label, tip in SOCKETS:
         socket = tree.interface.new_socket(label, in_out="INPUT", socket_type="NodeSocketVector")
         socket.description = tip
-    show_tables(tree, packed, lights)
+    show_tables(tree, packed, lights, stand_in)
     return tree
 
 
@@ -68,8 +73,10 @@ def show_tables(
     tree: bpy.types.ShaderNodeTree,
     packed: Packed,
     lights: bpy.types.ShaderNodeTree | None,
+    stand_in: PackedTensor | None = None,
 ) -> None:
-    """Let a group show other tables; its sockets, and so all links to it, stay."""
+    """Let a group show other tables; its sockets, and so all links to it, stay. `stand_in` is what
+    EEVEE shows in place of a sparse model where it cannot loop."""
     for label, tip in OUTPUTS:
         if label not in tree.interface.items_tree:
             socket = tree.interface.new_socket(
@@ -81,10 +88,14 @@ def show_tables(
         bpy.data.node_groups.remove(holder.node_tree)
         tree.nodes.remove(holder)
     store(tree, packed)
+    store(tree, stand_in, _STAND_IN)
     store_environment(tree, None)  # it was convolved with other rows
-    if isinstance(packed, PackedTensor):
+    if not goes_with(packed, blended_with(tree)):
+        store_blended(tree, None)
+    tensor = packed if isinstance(packed, PackedTensor) else stand_in
+    if tensor is not None:
         holder = tree.nodes.new("ShaderNodeGroup")
-        holder.node_tree = make_texel_group(f"{tree.name} Texel", packed)
+        holder.node_tree = make_texel_group(f"{tree.name} Texel", tensor)
         holder.name = holder.label = _TEXEL
         holder.location, holder.hide = (-400.0, 60.0), True
     show_lights(tree, lights)
@@ -152,7 +163,14 @@ def follow_turned_world(tree: bpy.types.ShaderNodeTree) -> None:
 def follow_scripts(tree: bpy.types.ShaderNodeTree) -> None:
     """Write the files that a group's scripts read where this session has not yet."""
     if is_sparse(tree):
-        follow_files(tree, stored(tree))
+        blended = blended_with(tree)
+        follow_files(tree, [stored(tree), *([blended] if blended else [])])
+
+
+def show_blended(tree: bpy.types.ShaderNodeTree, packed: PackedSparse | None) -> None:
+    """Mix a sparse model with another one, by an input Mix; None for none."""
+    store_blended(tree, packed)
+    show_lights(tree, lights_of(tree))
 
 
 def lights_of(tree: bpy.types.ShaderNodeTree) -> bpy.types.ShaderNodeTree | None:
@@ -180,7 +198,8 @@ def _write(
     lights: bpy.types.ShaderNodeTree | None,
 ) -> None:
     g = Graph(tree)
-    uv, view, *frame = (Wire(g, output) for output in g.node("NodeGroupInput").outputs[:-1])
+    inputs = g.node("NodeGroupInput")
+    uv, view, *frame = (g.wire(inputs, label) for label, _ in SOCKETS)
     directions: list[Wire] = []
     radiances: list[Wire] = []
     if lights is not None:
@@ -189,7 +208,7 @@ def _write(
         outputs = [Wire(g, output) for output in node.outputs]
         directions, radiances = outputs[::2], outputs[1::2]
     if isinstance(packed, PackedSparse):
-        values = _lit_sparse(g, packed, uv, view, frame, directions, radiances)
+        values = _lit_sparse(g, packed, inputs, directions, radiances)
     else:
         total = _lit_tensor(g, packed, uv, view, frame, directions, radiances)
         values = [total, total]
@@ -232,28 +251,45 @@ def _lit_tensor(
 def _lit_sparse(
     g: Graph,
     packed: PackedSparse,
-    uv: Wire,
-    view: Wire,
-    frame: list[Wire],
+    inputs: bpy.types.Node,
     directions: list[Wire],
     radiances: list[Wire],
 ) -> list[Wire]:
     """The radiance under all lights for each of OUTPUTS."""
-    black = g.combine(0.0, 0.0, 0.0)
+    uv, view, *frame = (g.wire(inputs, label) for label, _ in SOCKETS)
     if not directions:
+        black = g.combine(0.0, 0.0, 0.0)
         return [black, black]
-    shapes = packed.shapes
     lights = [in_frame(g, direction, frame) for direction in directions]
-    texel = nearest_texel(g, uv, shapes.height, shapes.width, stored_coordinates(g.tree))
-    found = []
-    for evaluator in (SparseEvaluation, SparseScript):
-        total = black
-        values = evaluator(g, packed, texel, view).log_values(g, lights)
+    mixed = [packed]
+    blended = blended_with(g.tree)
+    if blended is not None:
+        mixed.append(blended)
+    texels = [nearest_texel(g, uv, own.shapes, stored_coordinates(g.tree)) for own in mixed]
+
+    def lit(evaluator: type[SparseEvaluation | SparseScript | SparseAverage]) -> Wire:
+        values, *others = (
+            evaluator(g, own, texel, view).log_values(g, lights)
+            for own, texel in zip(mixed, texels, strict=True)
+        )
+        lowest: Wire | float = packed.shapes.lowest
+        for other in others:
+            mix = g.wire(inputs, MIX)
+            values = [a + (b - a) * mix for a, b in zip(values, other, strict=True)]
+            lowest = g.math("MULTIPLY_ADD", mix, blended.shapes.lowest - lowest, lowest)
+        total = g.combine(0.0, 0.0, 0.0)
         for own, light, radiance in zip(values, lights, radiances, strict=True):
-            colour = colour_of(g, own, shapes.offset, shapes.lowest, light)
+            colour = colour_of(g, own, packed.shapes.offset, lowest, light)
             total = total + g.operate("MULTIPLY", colour, radiance)
-        found.append(total)
-    return found
+        return total
+
+    if has_zones():
+        return [lit(SparseEvaluation), lit(SparseScript)]
+    if is_packed(g.tree, _STAND_IN):
+        stand_in = stored(g.tree, _STAND_IN)
+        shown = _lit_tensor(g, stand_in, uv, view, frame, directions, radiances)
+        return [shown, lit(SparseScript)]
+    return [lit(SparseAverage), lit(SparseScript)]
 
 
 def in_frame(g: Graph, direction: Wire, frame: list[Wire]) -> Wire:

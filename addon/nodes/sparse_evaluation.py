@@ -15,7 +15,7 @@ from .atlas import Atlas
 from .graph import Graph, Wire
 from .lookups import fetch_texel, place_between
 from .loops import repeat
-from .packed_sparse import PackedSparse
+from .packed_sparse import PackedSparse, SparseShapes
 
 LARGEST_LOGARITHM = 11.0
 """A few coefficients may shoot far over what was ever measured (models.sparse.transform)."""
@@ -102,6 +102,18 @@ class SparseEvaluation:
         ]
 
 
+class SparseAverage:
+    """The average colour in place of all others, where neither loops nor scripts run."""
+
+    def __init__(
+        self, g: Graph, packed: PackedSparse, texel: tuple[Wire, Wire], view: Wire
+    ) -> None:
+        self.packed = packed
+
+    def log_values(self, g: Graph, lights: Sequence[Wire]) -> list[Wire]:
+        return [g.combine(*self.packed.shapes.average)] * len(lights)
+
+
 def _row(g: Graph, atlas: Atlas, code: Wire, place: tuple[Wire, Wire], around: Around) -> Wire:
     """A row of a direction map at a direction: `code` is its row of tiles and, as a part of the
     width, where its column begins."""
@@ -137,11 +149,11 @@ def colour_of(
 
 
 def nearest_texel(
-    g: Graph, uv: Wire, height: int, width: int, coordinates: bpy.types.Image | None = None
+    g: Graph, uv: Wire, shapes: SparseShapes, coordinates: bpy.types.Image | None = None
 ) -> tuple[Wire, Wire]:
     """Column and row of the texel at texture coordinates of a patch that repeats; with a map of
     coordinates, that which it has there (nodes.coordinates)."""
-    own = (width, height)
+    own = (shapes.width, shapes.height)
     laid = own if coordinates is None else tuple(coordinates.size)
     found = []
     for coordinate, size, whole in zip(g.separate(uv), own, laid, strict=False):

@@ -18,6 +18,7 @@ from ..errors import NacreError
 from ..osl import compile_osl, has_osl
 from .graph import Graph, Wire
 from .packed_sparse import ATLASES, PackedSparse
+from .sparse_evaluation import SparseAverage
 
 SHADER = "sparse.osl"
 LIGHTS = 4
@@ -25,6 +26,7 @@ LIGHTS = 4
 
 _FILES = ("coefficients", "texels", "light_rows", "view_rows")
 _NODE = "Nacre Sparse"
+_STAMP = "nacre_stamp"
 
 
 class SparseScript:
@@ -34,8 +36,7 @@ class SparseScript:
     def __init__(
         self, g: Graph, packed: PackedSparse, texel: tuple[Wire, Wire], view: Wire
     ) -> None:
-        self.packed, self.view = packed, view
-        self.texel = g.combine(*texel)
+        self.packed, self.texel, self.view = packed, texel, view
         if has_osl():
             self.files = write_files(packed)
             self.code = compile_osl(SHADER, "sparse_shapes.h", _header(packed))
@@ -44,7 +45,7 @@ class SparseScript:
         """Y, U, V of the logarithm of the colour under each light, a unit vector in the tangent
         frame; of the average colour where Blender has no Open Shading Language."""
         if not has_osl():
-            return [g.combine(*self.packed.shapes.average)] * len(lights)
+            return SparseAverage(g, self.packed, self.texel, self.view).log_values(g, lights)
         values: list[Wire] = []
         for first in range(0, len(lights), LIGHTS):
             values += self._script(g, lights[first : first + LIGHTS])
@@ -53,6 +54,7 @@ class SparseScript:
     def _script(self, g: Graph, lights: Sequence[Wire]) -> list[Wire]:
         node = g.node("ShaderNodeScript")
         node.name = node.label = _NODE
+        node[_STAMP] = self.packed.shapes.stamp
         node.bytecode, node.bytecode_hash = self.code
         # Blender's own operator would make these: it asks oslquery, which not every build has.
         for name in _FILES:
@@ -60,7 +62,7 @@ class SparseScript:
         for name in ("texel", "view"):
             node.inputs.new("NodeSocketVector", name)
         node.inputs.new("NodeSocketInt", "lights").default_value = len(lights)
-        g.connect(self.texel, node.inputs["texel"])
+        g.connect(g.combine(*self.texel), node.inputs["texel"])
         g.connect(self.view, node.inputs["view"])
         for number, light in enumerate(lights, 1):
             g.connect(light, node.inputs.new("NodeSocketVector", f"light_{number}"))
@@ -76,13 +78,14 @@ class SparseScript:
         return values
 
 
-def follow_files(tree: bpy.types.ShaderNodeTree, packed: PackedSparse) -> None:
+def follow_files(tree: bpy.types.ShaderNodeTree, models: Sequence[PackedSparse]) -> None:
     """Write what a group's scripts read where it is missing, as in a file that was just opened."""
-    scripts = [node for node in tree.nodes if node.name.startswith(_NODE)]
-    if scripts:
-        files = write_files(packed)
-        for node in scripts:
-            _show_files(node, files)
+    for packed in models:
+        scripts = [node for node in tree.nodes if node.get(_STAMP) == packed.shapes.stamp]
+        if scripts:
+            files = write_files(packed)
+            for node in scripts:
+                _show_files(node, files)
 
 
 def write_files(packed: PackedSparse) -> dict[str, Path]:

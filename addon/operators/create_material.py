@@ -24,30 +24,35 @@ class NACRE_OT_create_material(JobOperator, bpy.types.Operator):
         return is_ready(cls)
 
     def prepare(self, context: bpy.types.Context) -> Work:
-        from ..models.any_model import load_shown
-        from ..tables.any_tables import build_any_tables
+        from ..models.any_model import load_first
+        from ..models.sparse.files import promised_quality
+        from ..nodes.node_tables import build_node_tables
 
         path = Path(bpy.path.abspath(context.scene.nacre.model))
         self._name = path.stem
 
         def work(progress: Progress) -> Any:
             progress(0.0, "Reading the model")
-            model = load_shown(path)
-            return model.dataset.get("patch_size"), build_any_tables(model, progress=progress)
+            model = load_first(path)
+            return model, promised_quality(path), build_node_tables(model, progress=progress)
 
         return work
 
     def finish(self, context: bpy.types.Context, result: Any) -> None:
+        from ..models.any_model import quality_of_model
         from ..nodes.light_set import shining
         from ..nodes.material import material_from_tables
+        from ..quality_slider import set_quality
 
         chosen = context.scene.nacre
         owner = chosen.lights or context.scene
-        size, tables = result
+        model, best, tables = result
         material = material_from_tables(tables, self._name, owner)
         material.nacre.lights = chosen.lights
         material.nacre.model = chosen.model
-        material.nacre.patch_size = size or (0.0, 0.0)
+        material.nacre.patch_size = model.dataset.get("patch_size") or (0.0, 0.0)
+        # What a sparse model has of a higher quality follows.
+        set_quality(material, quality_of_model(model), best, best)
         meshes = _target_meshes(context)
         for item in meshes:
             item.active_material = material

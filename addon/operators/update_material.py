@@ -23,12 +23,15 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Work:
         from ..datasets.occlusion import MAPPINGS
-        from ..models.any_model import load_any
+        from ..models.any_model import load_any, quality_of_model
+        from ..models.sparse.model import SparseBtf
         from ..nodes.kept_world import environment_for, kept_world
-        from ..tables.any_tables import build_any_tables
+        from ..nodes.node_tables import build_node_tables
 
         self._material = context.object.active_material
         files = self._material.nacre
+        # The slider stays where it is, on a file that had one before.
+        wanted = files.quality if files.file_quality else None
         kept = kept_world(self._material.node_tree)
         paths = {
             part: Path(bpy.path.abspath(getattr(files, part)))
@@ -43,10 +46,15 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
             found = {}
             for number, (part, path) in enumerate(paths.items()):
                 model = load_any(path)
-                wanted = "occlusion" if part == "occlusion" else "btf"
-                if model.kind != wanted:
-                    raise NacreError(f"{path}: a model of {model.kind}; expected one of {wanted}")
-                tables = build_any_tables(model, progress=share(number))
+                kind = "occlusion" if part == "occlusion" else "btf"
+                if model.kind != kind:
+                    raise NacreError(f"{path}: a model of {model.kind}; expected one of {kind}")
+                if part == "model":
+                    self._best = quality_of_model(model)
+                    self._shown = min(wanted or self._best, self._best)
+                    if isinstance(model, SparseBtf):
+                        model = model.truncated(self._shown)
+                tables = build_node_tables(model, progress=share(number))
                 if part == "occlusion":
                     mapping = MAPPINGS.get(model.dataset.get("value", ""), MAPPINGS["mask"])
                     found[part] = tables, mapping
@@ -60,11 +68,14 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
         from ..nodes.kept_world import kept_world
         from ..nodes.material import group_of, set_coverage, set_final_tables, set_tables
         from ..nodes.packed_tables import is_sparse
+        from ..quality_slider import set_quality
 
         if "model" in result:
             set_tables(self._material, *result["model"])
         set_final_tables(self._material, *result.get("final_model", (None,)))
         set_coverage(self._material, *result.get("occlusion", (None,)))
+        if "model" in result:
+            set_quality(self._material, self._shown, self._shown, self._best)
         shown = self._material.name
         if kept_world(self._material.node_tree) and is_sparse(group_of(self._material)):
             self.report({"WARNING"}, f"Updated {shown}: a sparse model is not lit by the world")

@@ -2,7 +2,7 @@
 
 import bpy
 
-from .layout import SidebarPanel, draw_step, property_column
+from .layout import SidebarPanel, draw_step, draw_text, property_column
 
 
 class NACRE_PT_active_material(SidebarPanel, bpy.types.Panel):
@@ -35,6 +35,13 @@ class NACRE_PT_active_material(SidebarPanel, bpy.types.Panel):
         row.operator("nacre.hide_repetition", icon="TEXTURE")
         row.operator("nacre.hide_repetition", text="", icon="X").remove = True
         layout.prop(material.nacre, "model")
+        if material.nacre.file_quality:
+            column = layout.column(align=True)
+            column.prop(material.nacre, "quality", slider=True)
+            if not material.nacre.final_model:
+                column.prop(material.nacre, "final_quality", text="Final", slider=True)
+        if material.nacre.problem:
+            draw_text(context, layout, material.nacre.problem, icon="ERROR")
         layout.prop(material.nacre, "occlusion", placeholder="None")
         layout.prop(material.nacre, "final_model", placeholder="Same")
         draw_step(layout, "nacre.update_material", "FILE_REFRESH")

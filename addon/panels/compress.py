@@ -13,10 +13,15 @@ class NACRE_PT_compress(SidebarPanel, bpy.types.Panel):
         chosen = context.scene.nacre
         layout = property_column(self.layout)
         layout.prop(chosen, "method")
-        layout.prop(chosen, "quality")
-        if chosen.quality in TARGETS:
-            layout.prop(chosen, TARGETS[chosen.quality])
+        if chosen.method == "SPARSE":
+            layout.prop(chosen, "ensemble")
+            layout.prop(chosen, "sparse_quality", slider=True)
+        else:
+            layout.prop(chosen, "quality")
+            if chosen.quality in TARGETS:
+                layout.prop(chosen, TARGETS[chosen.quality])
         layout.prop(chosen, "output", placeholder="Beside the dataset")
         if chosen.expected_size:
             draw_facts(context, layout, f"Size\t{chosen.expected_size}")
+        draw_facts(context, layout, chosen.ensemble_facts)
         draw_step(layout, "nacre.compress", "MOD_MESHDEFORM")

@@ -23,7 +23,7 @@ from ..models.sparse.interpolation import weights
 from ..models.sparse.model import Codes, SparseBtf
 from ..models.sparse.transform import CHANNELS
 from .parabolic import texel_directions
-from .tables import quads
+from .tables import Tables, quads
 
 Maps = NDArray[np.float32]
 
@@ -65,6 +65,7 @@ class SparseTables:
     parts   of "Y", "U" and "V"
     lowest  cosine of the lowest measured light: lower ones fade by cos / lowest (horizon_fade)
     offset  of the logarithm
+    stand_in  tables of a tensor model that shaders show which cannot loop over coefficients
     """
 
     parts: dict[str, Part]
@@ -74,6 +75,7 @@ class SparseTables:
     offset: float
     height: int
     width: int
+    stand_in: Tables | None = None
 
     @property
     def size(self) -> int:
@@ -120,7 +122,9 @@ def tables_at(
     """Tables whose maps have the rows of the unit directions `lights` and `views` (N, N, 3)."""
     size = len(lights)
     by_light = weights(model.ensemble.light, lights.reshape(-1, 3), kernel)
-    by_view = weights(model.ensemble.view, views.reshape(-1, 3), kernel)
+    by_view = by_light
+    if views is not lights or not np.array_equal(model.ensemble.view, model.ensemble.light):
+        by_view = weights(model.ensemble.view, views.reshape(-1, 3), kernel)
 
     def maps(by: NDArray[np.float32], columns: NDArray[np.floating]) -> Maps:
         return np.ascontiguousarray((by @ columns).T, np.float32).reshape(-1, size, size)

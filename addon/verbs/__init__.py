@@ -8,6 +8,7 @@ needs when it runs: most verbs work without Blender, and none should wait for pa
 from types import ModuleType
 
 from . import (
+    blend,
     compare,
     compress,
     decode,
@@ -30,6 +31,7 @@ VERBS: dict[str, ModuleType] = {
     "info": info,
     "train": train,
     "compress": compress,
+    "blend": blend,
     "decode": decode,
     "compare": compare,
     "verify": verify,

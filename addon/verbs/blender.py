@@ -26,6 +26,6 @@ def need_blender() -> None:
 def build_material(model: Model, name: str, progress: Progress) -> bpy.types.Material:
     """A material that shows a model."""
     from ..nodes.material import material_from_tables
-    from ..tables.any_tables import build_any_tables
+    from ..nodes.node_tables import build_node_tables
 
-    return material_from_tables(build_any_tables(model, progress=progress), name)
+    return material_from_tables(build_node_tables(model, progress=progress), name)

@@ -134,22 +134,34 @@ def _sparse(dataset: Dataset, options: argparse.Namespace, progress: Progress) -
     from ..models.sparse.coding import code
     from ..models.sparse.ensemble import choose
     from ..models.sparse.files import load_ensemble, save_sparse
-    from ..models.sparse.model import sparsity_of
     from .info import describe_sparse
 
     for name in ("target_db", "target_mb", *_BY_HAND, "global_modes"):
-        if getattr(options, name):
+        if name != "resume" and getattr(options, name):
             raise NacreError(f"--{name.replace('_', '-')} does not go with sparse: see --sparsity")
     if not options.ensemble:
         raise NacreError("sparse codes need dictionaries: give --ensemble FILE, made by `train`")
     ensemble = choose({str(path): load_ensemble(path) for path in options.ensemble}, dataset)
-    keys = tuple(ensemble.dictionaries)
-    sparsity = sparsity_of(_SPARSE_QUALITY, keys, ensemble.patch)
+    sparsity: dict[str, int] | int = _SPARSE_QUALITY
     if options.sparsity:
-        sparsity = sparsity_parts(options.sparsity, keys)
-    model = code(dataset, ensemble, sparsity, threads=options.threads, progress=progress)
+        sparsity = sparsity_parts(options.sparsity, tuple(ensemble.dictionaries))
+    model = code(
+        dataset,
+        ensemble,
+        sparsity,
+        threads=options.threads,
+        memory=options.memory,
+        state=_state_of(options.model),
+        resume=options.resume,
+        progress=progress,
+    )
     save_sparse(model, options.model)
     return describe_sparse(model, options.model)
+
+
+def _state_of(model: Path) -> Path:
+    """Where an interrupted fit of a model keeps its state."""
+    return model.with_name(f".{model.name}.fit")
 
 
 def _by_target(
@@ -192,7 +204,7 @@ def _by_settings(
     shared = {
         **settings,
         "coarse": options.coarse,
-        "state": options.model.with_name(f".{options.model.name}.fit"),
+        "state": _state_of(options.model),
         "resume": options.resume,
         **shared,
     }

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from ..models.any_model import Model
     from ..models.clustered_tucker import ClusteredTucker
+    from ..models.sparse.interpolation import Images
 
 RANGES = ("light", "view", "y", "x")
 
@@ -35,6 +36,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="how sparse codes mix the directions around one of --directions (linear)",
     )
     parser.add_argument(
+        "--interpolation",
+        choices=("coefficient", "image"),
+        help="of sparse codes: of coefficients (default), or of images, slower, to compare with",
+    )
+    parser.add_argument(
         "--quality",
         type=from_1,
         metavar="N",
@@ -53,15 +59,18 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..models.any_model import load_any
     from ..models.interpolation import horizon_fade
     from ..models.resample import resample
-    from ..models.sparse.interpolation import at_directions
+    from ..models.sparse.interpolation import at_directions, images_at_directions
     from ..models.sparse.model import SparseBtf
     from ..samples import blocks
     from .info import describe_dataset
 
     model = load_any(options.model)
-    for option in ("quality", "kernel"):
+    for option in ("quality", "kernel", "interpolation"):
         if getattr(options, option) and not isinstance(model, SparseBtf):
             raise NacreError(f"{options.model}: --{option} is for sparse codes")
+    for option in ("kernel", "interpolation"):
+        if getattr(options, option) and not options.directions:
+            raise NacreError(f"--{option} is how --directions are reached: give some")
     if isinstance(model, SparseBtf):
         model = model.truncated(options.quality or model.quality)
     elif model.kind == "occlusion":
@@ -82,17 +91,19 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     shape = (len(lights), len(views), rows, columns, model.channels)
     _check_ranges(RANGES, shape)
     description = _describe(model, lights, views, rows, columns)
+    decoded: Model | Images = model
     if options.directions:
         progress(0.0, "Resampling")
         fade = horizon_fade(np.asarray(model.dataset["light"]), lights).astype(np.float32)
         if isinstance(model, SparseBtf):
-            model = at_directions(model, lights, views, options.kernel or "linear")
+            mixing = images_at_directions if options.interpolation == "image" else at_directions
+            decoded = mixing(model, lights, views, options.kernel or "linear")
         else:
-            model = resample(model, lights, views)
+            decoded = resample(model, lights, views)
         kept_lights, kept_views = np.arange(len(lights)), np.arange(len(views))
     with DatasetWriter(options.dataset, description, shape, np.float32) as writer:
         for part in blocks(shape):
-            block = model.decode(kept_lights[part], kept_views, options.y, options.x)
+            block = decoded.decode(kept_lights[part], kept_views, options.y, options.x)
             if options.directions:
                 block *= fade[part, None, None, None, None]
             writer.write(block)

@@ -97,7 +97,7 @@ def describe_sparse(model: SparseBtf, path: Path) -> dict[str, Any]:
         "code_bytes": model.code_bytes,
         "bytes": size,
         "ratio": round(4 * prod(model.shape) / size, 2),
-        "source": model.dataset["source"],
+        "source": _short(model.dataset["source"]),
     }
 
 
@@ -122,6 +122,8 @@ def describe_model(model: ClusteredTucker, path: Path) -> dict[str, Any]:
 
 def _short(source: dict[str, Any]) -> dict[str, Any]:
     """Where a dataset comes from, without the long list of each picture's noise."""
+    if "materials" in source:  # of a blend
+        source = source | {"materials": [_short(own) for own in source["materials"]]}
     measurement = source.get("measurement")
     if not isinstance(measurement, dict):
         return source

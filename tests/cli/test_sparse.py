@@ -1,13 +1,18 @@
-"""The verbs of sparse codes: train, compress --method sparse, info, decode, compare."""
+"""The verbs of sparse codes: train, compress --method sparse, info, decode, compare, blend."""
 
 import json
+import re
 
 import numpy as np
 import pytest
-from small_btf import write_dataset
+from PIL import Image
+from small_btf import make_samples, write_dataset
 
 from addon.cli import main
 from addon.datasets.dataset import open_dataset
+from addon.models.any_model import load_any
+from addon.models.checkpoint import StateFile
+from addon.models.sparse import coding
 
 SHAPE = (6, 7, 8, 10, 3)
 SMALL = ["--patch", "4", "--dictionaries", "2", "--sweeps", "3", "--sparsity", "y=40,uv=8"]
@@ -19,10 +24,16 @@ def folder(tmp_path_factory):
     for name in ("a", "b"):
         write_dataset(folder / f"{name}.nacre", SHAPE)
     write_dataset(folder / "more.nacre", (6, 8, 8, 10, 3))
+    write_dataset(folder / "c.nacre", SHAPE, make_samples(SHAPE, seed=3))
     names = [str(folder / name) for name in ("a.nacre", "b.nacre", "e.exr")]
     assert main(["train", *names, *SMALL]) == 0
     sparse = ["--method", "sparse", "--ensemble", names[2]]
     assert main(["compress", names[0], str(folder / "m.exr"), *sparse]) == 0
+    assert main(["compress", str(folder / "c.nacre"), str(folder / "c.exr"), *sparse]) == 0
+    half = np.zeros(SHAPE[2:4], np.uint8)
+    half[:2] = 255  # pictures have their first row on top
+    Image.fromarray(half).save(folder / "mask.png")
+    Image.fromarray(half.T).save(folder / "tall.png")
     return folder
 
 
@@ -30,7 +41,8 @@ def folder(tmp_path_factory):
 def run(folder, capsys):
     def call(*arguments):
         """Status, the JSON printed, and the line on standard error."""
-        names = [str(folder / a) if "." in a and "=" not in a else a for a in arguments]
+        is_file = re.compile(r"[a-z].*\.[a-z]+").fullmatch
+        names = [str(folder / a) if is_file(a) else a for a in arguments]
         status = main([*names, "--json"])
         printed = capsys.readouterr()
         result = json.loads(printed.out.splitlines()[-1]) if printed.out else None
@@ -69,6 +81,10 @@ def test_decode_at_qualities_and_directions(run, folder):
         assert status == 0
         assert open_dataset(folder / "d.nacre").shape == (2, 2, 8, 10, 3)
         assert np.isfinite(open_dataset(folder / "d.nacre").samples).all()
+    images = ["--directions", "some.csv", "--interpolation", "image"]
+    assert run("decode", "m.exr", "i.nacre", *images)[0] == 0
+    assert run("decode", "m.exr", "d.nacre", *images[:2])[0] == 0
+    assert 5 < run("compare", "i.nacre", "d.nacre")[1]["snr_db"] < 40  # near, and not the same
 
 
 def test_a_cut_file_is_named_by_its_quality(run, folder):
@@ -81,6 +97,56 @@ def test_a_cut_file_is_named_by_its_quality(run, folder):
     (folder / "cut.exr").write_bytes(data[:2000])
     status, _, line = run("info", "cut.exr")
     assert status == 2 and "cut.exr" in line and "\n" not in line
+
+
+def test_a_blend_is_a_model_between_both(run, folder):
+    snr = {}
+    for share in ("0", "0.5", "1"):
+        status, found, _ = run("blend", "m.exr", "c.exr", "x.exr", "--mix", share)
+        assert status == 0 and found["method"] == "sparse"
+        snr[share] = [run("compare", own, "x.exr")[1]["snr_db"] for own in ("m.exr", "c.exr")]
+    assert snr["0"][0] > 40 and snr["1"][1] > 40
+    assert snr["0"][0] > snr["0.5"][0] > snr["1"][0] and snr["0"][1] < snr["0.5"][1] < snr["1"][1]
+    assert found["weights"] == [0.0, 1.0]
+    status, found, _ = run("blend", "m.exr", "c.exr", "x.exr", "--mix", "0.5", "--quality", "8")
+    assert status == 0 and found["quality"] == 8 and found["snr_db"] < 30
+    status, found, _ = run(
+        "blend", "m.exr", "c.exr", "x.exr", "--mix", "0.5", "--sparsity", "y=30,uv=5"
+    )
+    assert status == 0 and found["sparsity"] == {"Y": 30, "U": 5, "V": 5}
+    assert found["weights"] == [0.5, 0.5] and 0 < found["lost"] < 1
+
+
+def test_a_blend_by_a_mask(run, folder):
+    status, found, _ = run("blend", "m.exr", "c.exr", "x.exr", "--mask", "mask.png")
+    assert status == 0 and found["weights"] == [0.75, 0.25]
+    a, b, mixed = (load_any(folder / name).decode() for name in ("m.exr", "c.exr", "x.exr"))
+    # White is on top: rows 6 and 7 are b's; more than half of the error is not there.
+    for rows, own, other in ((slice(0, 6), a, b), (slice(6, 8), b, a)):
+        near = ((mixed - own)[:, :, rows] ** 2).sum()
+        assert near < 0.1 * ((mixed - other)[:, :, rows] ** 2).sum()
+    status, found, _ = run("blend", "m.exr", "c.exr", "x.exr", "--mask", "mask.png", "--mix", "0.5")
+    assert status == 0 and found["weights"] == [0.875, 0.125]
+
+
+def test_interrupted_coding_goes_on(run, folder, monkeypatch):
+    """As after a kill: the state is there, the model is not."""
+    monkeypatch.setattr(coding, "BLOCK", 1)
+    monkeypatch.setattr(StateFile, "due", True)
+
+    def kill(*_):
+        raise KeyboardInterrupt
+
+    arguments = ["compress", "a.nacre", "y.exr", "--method", "sparse", "--ensemble", "e.exr"]
+    with monkeypatch.context() as patch:
+        patch.setattr(coding, "measure", kill)
+        assert run(*arguments)[0] == 130
+    assert (folder / ".y.exr.fit").exists() and not (folder / "y.exr").exists()
+    status, _, line = run(*arguments, "--resume", "--sparsity", "y=9,uv=3")
+    assert status == 2 and "other settings" in line
+    status, found, _ = run(*arguments, "--resume", "--memory", "0.5")
+    assert status == 0 and not (folder / ".y.exr.fit").exists()
+    assert found["snr_db"] == run("info", "m.exr")[1]["snr_db"]
 
 
 def test_the_fitting_ensemble_of_several_is_taken(run):
@@ -122,12 +188,23 @@ def test_the_fitting_ensemble_of_several_is_taken(run):
         (["train", "none.nacre", "x.exr"], "none.nacre"),
         (["decode", "m.exr", "x.nacre", "--quality", "0"], "1 or more"),
         (["decode", "e.exr", "x.nacre"], "e.exr"),
-        (["verify", "m.exr"], "m.exr"),
+        (["decode", "m.exr", "x.nacre", "--interpolation", "image"], "--directions"),
+        (["blend", "m.exr", "c.exr", "x.exr"], "--mix"),
+        (["blend", "m.exr", "c.exr", "x.exr", "--mix", "1.5"], "from 0 to 1"),
+        (["blend", "m.exr", "e.exr", "x.exr", "--mix", "0.5"], "e.exr"),
+        (["blend", "m.exr", "c.exr", "x.png", "--mix", "0.5"], ".exr"),
+        (["blend", "m.exr", "c.exr", "x.exr", "--mask", "tall.png"], "8 x 10 texels"),
+        (["blend", "m.exr", "c.exr", "x.exr", "--mask", "none.png"], "none.png"),
+        (["blend", "m.exr", "c.exr", "x.exr", "--mask", "a.nacre"], "a.nacre"),
+        (["blend", "m.exr", "c.exr", "x.exr", "--mix", "0.5", "--sparsity", "y=3"], "uv="),
+        (
+            ["blend", "m.exr", "c.exr", "x.exr", "--mix", "0.5", "--quality", "9"]
+            + ["--sparsity", "y=3,uv=1"],
+            "--quality",
+        ),
     ],
 )
 def test_mistakes_are_one_line(run, folder, arguments, word):
-    if arguments[0] == "verify":
-        pytest.importorskip("bpy")
     before = {path.name for path in folder.iterdir()}
     status, _, line = run(*arguments)
     assert status == 2

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
+import PIL.Image
 import pytest
 from picture_files import exr, exr_of, from_rgbe, hdr, rgbe
 
 from addon.datasets.images.decoding import decode
+from addon.datasets.images.grey import read_grey
 from addon.errors import NacreError
 
 FIXTURES = Path(__file__).resolve().parents[1] / "fixtures" / "datasets"
@@ -216,3 +218,27 @@ def test_bmp():
     info = struct.pack("<IiiHHIIiiII", 40, 2, 2, 1, 24, 0, len(body), 0, 0, 0, 0)
     image = decode(header + info + body, "a.bmp")
     np.testing.assert_array_equal(image.pixels, rows[::-1])
+
+
+@pytest.mark.parametrize("kind", ["uint8", "uint16", "exr"])
+def test_grey_pictures_are_numbers_from_0_to_1(tmp_path, kind):
+    rows = np.array([[0, 51], [102, 255], [255, 204]], np.uint16)
+    path = tmp_path / "mask"
+    if kind == "exr":
+        path.write_bytes(exr({"Y": (rows / 255).astype(np.float32)}))
+    else:
+        whole = rows * (np.iinfo(kind).max // 255)
+        PIL.Image.fromarray(whole.astype(kind)).save(path, "PNG")
+    np.testing.assert_allclose(read_grey(path), rows[::-1] / 255, atol=1e-6)
+
+
+def test_what_is_no_mask_is_refused(tmp_path):
+    path = tmp_path / "mask"
+    with pytest.raises(NacreError, match="mask: cannot be read"):
+        read_grey(path)
+    PIL.Image.fromarray(np.full((2, 2, 3), (1, 2, 3), np.uint8)).save(path, "PNG")
+    with pytest.raises(NacreError, match="coloured"):
+        read_grey(path)
+    path.write_bytes(exr({"Y": np.full((2, 2), 1.5, np.float32)}))
+    with pytest.raises(NacreError, match="outside 0 to 1"):
+        read_grey(path)

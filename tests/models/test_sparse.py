@@ -6,6 +6,7 @@ import shutil
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import nacre_native
 import numpy as np
@@ -14,12 +15,19 @@ from small_btf import hemisphere, write_dataset
 
 from addon.errors import Cancelled, NacreError
 from addon.models.any_model import load_any
+from addon.models.checkpoint import StateFile
 from addon.models.exr import load_model
-from addon.models.sparse import authors, training
+from addon.models.sparse import authors, coding, files, training
 from addon.models.sparse.coding import code, measure
 from addon.models.sparse.ensemble import choose, largest_misfit, orthonormal
-from addon.models.sparse.files import load_ensemble, load_sparse, save_ensemble, save_sparse
-from addon.models.sparse.interpolation import at_directions, weights
+from addon.models.sparse.files import (
+    load_ensemble,
+    load_progressively,
+    load_sparse,
+    save_ensemble,
+    save_sparse,
+)
+from addon.models.sparse.interpolation import at_directions, images_at_directions, weights
 from addon.models.sparse.model import quality_of, sparsity_of
 from addon.models.sparse.patches import channels_of, overlapping, read_patches, tiling
 from addon.models.sparse.transform import Normalisation, normalisation
@@ -192,6 +200,91 @@ def test_a_state_of_another_training_is_refused(dataset, tmp_path):
     one_line(error, "damaged")
 
 
+class Killed(Exception):
+    """Stands for the end of the process."""
+
+
+def kill_while_coding(dataset, ensemble, state, monkeypatch, after=3):
+    """Leave what a process that was killed leaves, each patch being saved."""
+    monkeypatch.setattr(coding, "BLOCK", 1)
+    monkeypatch.setattr(StateFile, "due", True)
+
+    def kill(fraction, message):
+        if message == "Coding patches" and fraction >= 0.8 * after / 6:
+            raise Killed
+        return True
+
+    with pytest.raises(Killed):
+        code(dataset, ensemble, FEW, state=state, progress=kill)
+
+
+def test_coding_is_resumed_to_the_same_codes(dataset, ensemble, model, tmp_path, monkeypatch):
+    state = tmp_path / ".m.exr.fit"
+    kill_while_coding(dataset, ensemble, state, monkeypatch)
+    assert [p.name for p in tmp_path.iterdir()] == [state.name]
+    seen = []
+
+    def coded(patches, *rest, **settings):
+        seen.append(len(patches))
+        return nacre_native.code_patches(patches, *rest, **settings)
+
+    native = SimpleNamespace(code_patches=coded, Cancelled=nacre_native.Cancelled)
+    monkeypatch.setattr(coding, "nacre_native", native)
+    monkeypatch.setattr(coding, "normalisation", None)  # kept, too
+    resumed = code(dataset, ensemble, FEW, state=state, resume=True)
+    assert sum(seen) == 3 * 3  # of six patches in three channels
+    for key, codes in model.codes.items():
+        for name in ("positions", "values", "members"):
+            np.testing.assert_array_equal(getattr(resumed.codes[key], name), getattr(codes, name))
+    np.testing.assert_array_equal(resumed.decode(), model.decode())
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_state_of_other_codes_is_refused(dataset, ensemble, tmp_path, monkeypatch):
+    state = tmp_path / "state"
+    kill_while_coding(dataset, ensemble, state, monkeypatch)
+    other = train([dataset], seed=3)
+    for settings in ((ensemble, FEW | {"Y": 61}), (other, FEW)):
+        with pytest.raises(NacreError) as error:
+            code(dataset, *settings, state=state, resume=True)
+        one_line(error, "other settings")
+    state.write_bytes(b"PK")
+    with pytest.raises(NacreError) as error:
+        code(dataset, ensemble, FEW, state=state, resume=True)
+    one_line(error, "damaged")
+    assert code(dataset, ensemble, FEW, state=state).fit["snr_db"] > 0  # begins again
+    assert not state.exists()
+
+
+def test_cancelled_coding_leaves_nothing(dataset, ensemble, tmp_path, monkeypatch):
+    monkeypatch.setattr(coding, "BLOCK", 1)
+    monkeypatch.setattr(StateFile, "due", True)
+    for message in ("Reading samples", "Coding patches"):
+        with pytest.raises(Cancelled):
+            code(
+                dataset,
+                ensemble,
+                FEW,
+                state=tmp_path / "state",
+                progress=lambda f, m, stop=message: m != stop or f < 0.4,
+            )
+        assert not list(tmp_path.iterdir())
+
+
+def test_a_memory_bound_changes_nothing_but_the_block(dataset, ensemble, model, monkeypatch):
+    blocks = []
+
+    def read(*given):
+        blocks.append(given[-1])
+        return read_patches(*given)
+
+    monkeypatch.setattr(coding, "read_patches", read)
+    for memory in (1, 130_000_000, 2_000_000_000):
+        found = code(dataset, ensemble, FEW, memory=memory)
+        np.testing.assert_array_equal(found.codes["Y"].values, model.codes["Y"].values)
+    assert blocks[0] < 1 < blocks[1] < blocks[2]
+
+
 def test_many_patches_are_sampled(dataset, monkeypatch):
     monkeypatch.setattr(training, "_ALL", 7)
     assert train([dataset, dataset]).training["patches"] == 7
@@ -298,6 +391,61 @@ def test_a_file_cut_anywhere_loads_to_less_or_is_refused(path, tmp_path):
     assert seen == sorted(seen) and seen[0] == 0 and len(set(seen)) > 3
 
 
+@pytest.fixture(scope="module")
+def large(dataset, ensemble, tmp_path_factory):
+    """A file that is more coefficients than headers."""
+    path = tmp_path_factory.mktemp("large") / "m.exr"
+    save_sparse(code(dataset, ensemble, EVERY), path)
+    return path
+
+
+def test_a_file_is_shown_while_it_is_read(large):
+    whole = load_sparse(large)
+    found = list(load_progressively(large))
+    qualities = [one.quality for one in found]
+    assert qualities == sorted(set(qualities)) and len(found) > 1
+    assert found[-1].complete and not found[0].complete
+    for one in found:
+        np.testing.assert_array_equal(one.decode(), whole.truncated(one.quality).decode())
+
+
+def test_what_is_read_of_a_cut_file_ends_with_what_is_whole(large, tmp_path):
+    data = large.read_bytes()
+    cut = tmp_path / "cut.exr"
+    cut.write_bytes(data[: int(0.9 * len(data))])
+    *_, last = load_progressively(cut)
+    assert last.quality == load_sparse(cut).quality < load_sparse(large).quality
+    assert not last.complete
+    cut.write_bytes(data[: len(data) // 20])
+    with pytest.raises(NacreError) as error:
+        next(load_progressively(cut))
+    one_line(error, "cut.exr")
+    with pytest.raises(NacreError):
+        next(load_progressively(tmp_path / "absent.exr"))
+
+
+def test_a_file_is_read_no_further_than_a_quality_asks_for(large, monkeypatch):
+    calls = []
+
+    def counted(path):
+        for model in load_progressively(path):
+            calls.append(model.quality)
+            yield model
+
+    monkeypatch.setattr(files, "load_progressively", counted)
+    file = files.OpenFile(large)
+    best = load_sparse(large).quality
+    low = list(file.up_to(1))
+    assert [one.quality for one in low] == [1] and calls[-1] < best
+    steps = list(file.up_to(best))
+    assert steps[-1].quality == best == calls[-1] and len(steps) > 1
+    before = list(calls)
+    assert [one.quality for one in file.up_to(4)] == [4]
+    assert [one.quality for one in file.up_to(best + 10)] == [best]
+    assert calls == before  # read once
+    assert files.promised_quality(large) == best
+
+
 def test_damage_is_never_taken_for_samples(path, tmp_path):
     data = path.read_bytes()
     whole = load_sparse(path)
@@ -337,6 +485,27 @@ def test_mixing_coefficients_is_mixing_images(model, kernel):
     )
 
 
+@pytest.mark.parametrize("kernel", ["linear", "gaussian"])
+def test_images_are_mixed_of_decoded_neighbours(model, kernel):
+    lights, views = hemisphere(9)[[2, 5]], hemisphere(11)[[3, 4, 8]]
+    mixed = images_at_directions(model, lights, views, kernel)
+    expected = np.einsum(
+        "al,bv,lvyxc->abyxc",
+        weights(model.ensemble.light, lights, kernel),
+        weights(model.ensemble.view, views, kernel),
+        model.decode(),
+    )
+    np.testing.assert_allclose(mixed.decode(), expected, rtol=1e-3, atol=1e-5)
+    block = mixed.decode(light=[1], view=slice(1, 3), y=slice(3, 7), x=[9, 0])
+    np.testing.assert_allclose(block, expected[[1], 1:3, 3:7][..., [9, 0], :], rtol=1e-3, atol=1e-5)
+    # At measured directions both are what was measured.
+    own = images_at_directions(model, model.ensemble.light, model.ensemble.view)
+    np.testing.assert_allclose(own.decode(), model.decode(), rtol=1e-4, atol=1e-6)
+    # Coefficients are mixed in logarithms, which is another thing between them.
+    of_coefficients = at_directions(model, lights, views, kernel).decode()
+    assert 0 < np.abs(of_coefficients - expected).mean() < 0.3 * expected.mean()
+
+
 def test_weights_are_of_neighbours():
     measured = hemisphere(40)
     rng = np.random.default_rng(0)
@@ -358,7 +527,7 @@ def test_weights_are_of_neighbours():
     mixed /= np.linalg.norm(mixed, axis=1, keepdims=True)
     assert np.degrees(np.arccos(np.sum(mixed * wanted[inside], 1).min())) < 3
     with pytest.raises(NacreError):
-        at_directions(None, measured, measured, "cubic")
+        weights(measured, measured, "cubic")
 
 
 def test_nearly_orthonormal_matrices_become_so():

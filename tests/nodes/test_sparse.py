@@ -11,11 +11,14 @@ import numpy as np
 import pytest
 
 from addon import live
+from addon.errors import NacreError
 from addon.nodes.material import (
+    MODEL_NODE,
     group_of,
     is_nacre_material,
     material_from_tables,
     needs_osl,
+    set_blended,
     set_coordinates,
     set_coverage,
     set_final_tables,
@@ -284,3 +287,63 @@ def test_holes_are_in_both_outputs(later: bool, make_model: Callable) -> None:
         assert render_pixels(flat.scene).mean() > 0.01
     outputs = [node for node in material.node_tree.nodes if node.type == "OUTPUT_MATERIAL"]
     assert {output.target for output in outputs} == {"EEVEE", "CYCLES"}
+
+
+def mixed(one: SparseTables, other: SparseTables, light: tuple, view: tuple, mix) -> np.ndarray:
+    """The patch of mixed logarithms (Eq. 7); without offset, they are those of the colours."""
+    logarithms = [
+        np.log(
+            evaluate_sparse_patch(
+                replace(own, offset=0.0, lowest=0.01), unit(light)[None], unit(view)[None]
+            )[0]
+        )
+        for own in (one, other)
+    ]
+    colour = np.exp(logarithms[0] * (1 - mix) + logarithms[1] * mix) - one.offset
+    return np.maximum(colour, 0.0) * min(unit(light)[2] / one.lowest, 1.0)
+
+
+@ENGINES
+def test_two_models_mix_as_logarithms(engine: str) -> None:
+    """By a number and by a mask; also in what takes their place for a final render."""
+    one, other = sparse_tables(), sparse_tables(1)
+    material = material_from_tables(one, "Test")
+    before = kept()
+    set_blended(material, other)
+    node = material.node_tree.nodes[MODEL_NODE]
+    light, view = PAIRS[1]
+    with flat_scene(material, (9, 10), engine) as flat:
+        flat.aim(light, view)
+        for mix in (0.0, 0.3, 1.0):
+            node.inputs["Mix"].default_value = mix
+            seen, expected = render_pixels(flat.scene), mixed(one, other, light, view, mix)
+            assert np.abs(seen - expected).mean() < 0.002 * expected.mean(), mix
+        separate = material.node_tree.nodes.new("ShaderNodeSeparateXYZ")
+        material.node_tree.links.new(node.inputs["UV"].links[0].from_socket, separate.inputs[0])
+        material.node_tree.links.new(separate.outputs[0], node.inputs["Mix"])
+        mask = (np.arange(9) + 0.5)[:, None] / 9
+        expected = mixed(one, other, light, view, mask)
+        assert np.abs(render_pixels(flat.scene) - expected).mean() < 0.002 * expected.mean()
+        set_final_tables(material, sparse_tables(2))
+        swap_final(material)
+        expected = mixed(sparse_tables(2), other, light, view, mask)
+        flat.view = node.inputs["View"]
+        flat.aim(light, view)
+        assert np.abs(render_pixels(flat.scene) - expected).mean() < 0.002 * expected.mean()
+        swap_final(material)
+        set_final_tables(material, None)
+        set_blended(material, None)
+        assert "Mix" not in node.inputs and kept() == before
+
+
+def test_what_cannot_be_mixed(tables: Tables) -> None:
+    for shown in (tables, sparse_tables(offset=1e-5)):
+        material = material_from_tables(shown, "Test")
+        before = kept()
+        with pytest.raises(NacreError, match="same offset"):
+            set_blended(material, sparse_tables())
+        assert kept() == before
+    material = material_from_tables(sparse_tables(), "Test")
+    set_blended(material, sparse_tables(1))
+    set_tables(material, tables)
+    assert "Mix" not in material.node_tree.nodes[MODEL_NODE].inputs

@@ -10,7 +10,7 @@ import pytest
 import addon
 
 TESTS = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(TESTS / "datasets"), str(TESTS / "models")]  # the test writers
+sys.path[:0] = [str(TESTS / name) for name in ("datasets", "models", "ui")]  # the test writers
 
 SAMPLE = Path(__file__).resolve().parents[2] / "samples" / "wool_W64xH64_L81xV81.btf"
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import bpy
 import pytest
+from pieces import add_mesh, add_object, fails
 from small_btf import write_dataset
 
 from addon import jobs
@@ -24,34 +25,8 @@ from addon.tables.environment import build_environment
 from addon.tables.light_lobes import light_lobes
 
 
-def fails(operator, **options) -> str:
-    """The one line that an operator reports instead of a result."""
-    with pytest.raises(RuntimeError) as caught:
-        operator(**options)
-    text = str(caught.value).strip()
-    assert text.startswith("Error: ")
-    assert "\n" not in text
-    return text.removeprefix("Error: ")
-
-
-def add_object(name, data, scene):
-    item = bpy.data.objects.new(name, data)
-    scene.collection.objects.link(item)
-    return item
-
-
 def add_light(scene, kind="SUN", name="Key"):
     return add_object(name, bpy.data.lights.new(name, kind), scene)
-
-
-def add_mesh(scene, name, uv=True):
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
-    if uv:
-        mesh.uv_layers.new(name="UVMap")
-    item = add_object(name, mesh, scene)
-    item.select_set(True)
-    return item
 
 
 # --- export ---------------------------------------------------------------------------------------

@@ -5,57 +5,10 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
+from pieces import Layout, draw, region
 
 from addon import jobs, panels
 from addon.panels import layout as pieces
-
-
-class Layout:
-    """Stands in for UILayout: notes texts, and checks that properties and operators exist."""
-
-    def __init__(self, seen):
-        self.seen = seen
-
-    def _part(self, *args, **settings):
-        return Layout(self.seen)
-
-    row = column = split = box = _part
-
-    def label(self, text="", icon="NONE", translate=True):
-        self.seen.append(text)
-
-    def prop(self, data, name, index=0, text="", placeholder="", slider=False):
-        assert hasattr(data, name), name
-        self.seen.append(name)
-
-    def operator(self, name, text="", icon="NONE"):
-        group, _, operator = name.partition(".")
-        assert hasattr(bpy.types, f"{group.upper()}_OT_{operator}"), name
-        self.seen.append(name)
-        return SimpleNamespace()
-
-    def progress(self, factor, text):
-        self.seen.append(("progress", factor, text))
-
-
-def region(width):
-    """What a context knows of the region; without a window Blender's interface scale is 0."""
-    preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))
-    return {"region": SimpleNamespace(width=width), "preferences": preferences}
-
-
-def draw(cls):
-    """What a panel shows, or None when it hides."""
-    context = SimpleNamespace(
-        scene=bpy.context.scene,
-        object=bpy.context.object,
-        **region(300),
-    )
-    if not cls.poll(context):
-        return None
-    seen = []
-    cls.draw(SimpleNamespace(layout=Layout(seen)), context)
-    return seen
 
 
 def by_name(name):

@@ -24,6 +24,7 @@ class Ensemble:
     dictionaries  of "Y", "U" and "V", or of "YUV" together: for each mode (K, I, I) float32, atoms
                   are columns; modes are y, x, light, view and, of "YUV", colour
     offset        of the logarithm (sparse.transform)
+    by_deviation  whether images are divided by their deviation, as the authors' are
     training      how it was made: sparsity, objective of each sweep, materials ...
     """
 
@@ -32,23 +33,25 @@ class Ensemble:
     view: NDArray[np.float64]
     dictionaries: Mapping[str, tuple[NDArray[np.float32], ...]]
     offset: float
+    by_deviation: bool = False
     training: Mapping[str, Any] = field(default_factory=dict)
 
     def shape(self, key: str) -> tuple[int, ...]:
         """The rows of each mode of one part."""
         return tuple(matrices.shape[1] for matrices in self.dictionaries[key])
 
-    def misfit(self, dataset: Dataset) -> str:
-        """Why the ensemble is not for a dataset, or "": dictionaries cannot be resampled."""
+    def misfit(self, other: Dataset | Ensemble) -> str:
+        """Why the directions are not those of a dataset or ensemble, or "": dictionaries cannot be
+        resampled."""
         for axis, own in (("light", self.light), ("view", self.view)):
-            other = getattr(dataset, axis)
-            if len(own) != len(other):
-                return f"it is for {len(own)} {axis}s and the dataset has {len(other)}"
-            cosine = np.clip(np.sum(own * other, axis=1), -1.0, 1.0)
+            wanted = getattr(other, axis)
+            if len(own) != len(wanted):
+                return f"it is for {len(own)} {axis}s, not for {len(wanted)}"
+            cosine = np.clip(np.sum(own * wanted, axis=1), -1.0, 1.0)
             worst = int(np.argmin(cosine))
             angle = float(np.degrees(np.arccos(cosine[worst])))
             if angle > _SAME_DEGREES:
-                return f"{axis} {worst} is {angle:.1f} degrees from that of the dataset"
+                return f"its {axis} {worst} is {angle:.1f} degrees away"
         return ""
 
 

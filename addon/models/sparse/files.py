@@ -7,14 +7,16 @@ of a file that was cut short is a model of lower quality.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import NacreError
-from ..exr_arrays import read_arrays, write_arrays
+from ..exr_arrays import read_arrays, read_description, read_growing, write_arrays
 from .authors import is_authors_folder, load_authors_ensemble
 from .ensemble import Ensemble, orthonormal
 from .model import Codes, SparseBtf, shares
@@ -52,7 +54,7 @@ def save_sparse(model: SparseBtf, path: str | os.PathLike[str]) -> None:
     """Write a model with the ensemble it needs; NacreError when it cannot be written."""
     arrays, axes = _dictionary_arrays(model.ensemble)
     arrays = {"mean": model.normalised.mean, "deviation": model.normalised.deviation, **arrays}
-    axes |= {"mean": ["light", "view"], "deviation": ["light", "view"]}
+    axes |= {"mean": ["light", "view", "channel"], "deviation": ["light", "view"]}
     for key, codes in model.codes.items():
         arrays[f"members_{key}"] = codes.members[None]
         axes[f"members_{key}"] = ["part", "patch"]
@@ -87,6 +89,74 @@ def load_sparse(path: str | os.PathLike[str], quality: int | None = None) -> Spa
     even the lowest is, and for what is not a sparse model.
     """
     arrays, description = read_arrays(path, partial=True)
+    return _model(path, arrays, description, quality)
+
+
+def load_progressively(path: str | os.PathLike[str]) -> Iterator[SparseBtf]:
+    """A model while it is read: better and better ones, the last being that of `load_sparse`.
+
+    So a file of any length can be shown when an eighth of it has been read. A file that was cut
+    short ends with the highest quality that is whole, not `complete`. Raises NacreError as
+    `load_sparse` does.
+    """
+    best = 0
+    for arrays, description in read_growing(path):
+        try:
+            model = _model(path, arrays, description)
+        except _NotYetError:
+            continue
+        if model.quality > best:
+            best = model.quality
+            yield model
+    if not best:
+        load_sparse(path)  # says why there is none
+
+
+class OpenFile:
+    """A model's file that is read once, and no further than a quality asks for."""
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self._path = path
+        self._coming = load_progressively(path)
+        self._best: SparseBtf | None = None
+        self._lock = Lock()  # several threads may wait for the same file
+
+    def up_to(self, quality: int) -> Iterator[SparseBtf]:
+        """Better and better models, the last one of `quality`, or of the file's if that is less.
+
+        Raises NacreError as `load_sparse`.
+        """
+        shown = 0
+        while True:
+            with self._lock:
+                if self._best is None or self._best.quality <= shown:
+                    self._best = next(self._coming, self._best)
+                best = self._best or load_sparse(self._path)
+            if best.quality <= shown:
+                return
+            shown = best.quality
+            yield best.truncated(quality)
+            if shown >= quality:
+                return
+
+
+def promised_quality(path: str | os.PathLike[str]) -> int:
+    """The quality of a sparse model's file if it is whole, read from its header; 0 for a model of
+    another kind. Raises NacreError for what is no model."""
+    qualities = read_description(path).get("qualities", [0])
+    return int(qualities[-1])
+
+
+class _NotYetError(NacreError):
+    """Not even the lowest quality is there."""
+
+
+def _model(
+    path: str | os.PathLike[str],
+    arrays: dict[str, NDArray[Any]],
+    description: dict[str, Any],
+    quality: int | None = None,
+) -> SparseBtf:
     if description.get("model") != MODEL:
         raise NacreError(f"{path}: not a sparse model but {description.get('model')!r}")
     try:
@@ -95,7 +165,7 @@ def load_sparse(path: str | os.PathLike[str], quality: int | None = None) -> Spa
         if whole and not wanted:
             raise NacreError(f"{path}: its lowest quality is {whole[0]}, not {quality}")
         codes = {key: _codes(arrays, key, wanted) for key in description["sparsity"]}
-        model = SparseBtf(
+        return SparseBtf(
             height=description["size"][0],
             width=description["size"][1],
             ensemble=_ensemble(arrays, description),
@@ -107,11 +177,10 @@ def load_sparse(path: str | os.PathLike[str], quality: int | None = None) -> Spa
             complete=wanted[-1] == description["qualities"][-1],
         )
     except (LookupError, ValueError) as error:
-        raise NacreError(
+        raise _NotYetError(
             f"{path}: cut short or damaged before its lowest quality; copy it or compress the "
             "dataset again"
         ) from error
-    return model
 
 
 def _levels(arrays: dict[str, NDArray[Any]], description: dict[str, Any]) -> list[int]:
@@ -151,6 +220,7 @@ def _describe_ensemble(ensemble: Ensemble) -> dict[str, Any]:
         "view": ensemble.view.tolist(),
         "parts": list(ensemble.dictionaries),
         "offset": ensemble.offset,
+        "by_deviation": ensemble.by_deviation,
         "training": dict(ensemble.training),
     }
 
@@ -181,5 +251,6 @@ def _ensemble(arrays: dict[str, NDArray[Any]], description: dict[str, Any]) -> E
         view=np.array(description["view"], np.float64),
         dictionaries=dictionaries,
         offset=description["offset"],
+        by_deviation=description["by_deviation"],
         training=description["training"],
     )

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 from ..clustered_tucker import Part, expand
 from .ensemble import Ensemble
 from .patches import tiling
-from .transform import CHANNELS, Normalisation
+from .transform import CHANNELS, Normalisation, to_linear_rgb
 
-COEFFICIENT_BYTES = 6
-"""A half for the value, four bytes for its position."""
+COEFFICIENT_BYTES = 4
+"""One for the value, which is one of 255 levels (`Codes.rounded`), and three for its position."""
+
+_LEVELS_AN_OCTAVE = 10
 
 PATCH_BYTES = 4
 """The dictionary of a patch in one part of the ensemble."""
@@ -38,6 +40,19 @@ class Codes:
     def first(self, count: int) -> Codes:
         """The `count` most important coefficients of each patch."""
         return replace(self, positions=self.positions[:count], values=self.values[:count])
+
+    def rounded(self) -> Codes:
+        """Values of one byte: zero, or of 127 magnitudes that fall by a tenth of an octave each from
+        the largest one on, with a sign. That is 35 dB below what the coefficients hold."""
+        magnitude = np.abs(self.values)
+        largest = magnitude.max(initial=0.0)
+        if not largest:
+            return self
+        with np.errstate(divide="ignore"):
+            level = np.rint(-_LEVELS_AN_OCTAVE * np.log2(magnitude / largest))
+        level = np.minimum(level, 126.0)  # the least magnitude is the 127th
+        values = np.copysign(largest * np.exp2(-level / _LEVELS_AN_OCTAVE), self.values)
+        return replace(self, values=np.where(magnitude > 0, values, 0.0).astype(np.float32))
 
 
 @dataclass(frozen=True)
@@ -66,7 +81,7 @@ class SparseBtf:
     @property
     def shape(self) -> tuple[int, ...]:
         """The decoded samples' shape (light, view, y, x, channel)."""
-        lights, views = self.normalised.mean.shape
+        lights, views = self.normalised.deviation.shape
         return (lights, views, self.height, self.width, len(CHANNELS))
 
     @property
@@ -99,6 +114,16 @@ class SparseBtf:
         x: Part = slice(None),
     ) -> NDArray[np.float32]:
         """Linear samples (light, view, y, x, channel) of one block, float32, unclamped (Eq. 4)."""
+        return to_linear_rgb(self.logarithms(light, view, y, x), self.normalised.offset)
+
+    def logarithms(
+        self,
+        light: Part = slice(None),
+        view: Part = slice(None),
+        y: Part = slice(None),
+        x: Part = slice(None),
+    ) -> NDArray[np.float32]:
+        """Y, U, V of the logarithm (transform.to_log_yuv) of one block, as `decode` takes it."""
         parts = (light, view, y, x)
         lights, views, ys, xs = (
             np.arange(size)[part] for size, part in zip(self.shape[:4], parts, strict=True)
@@ -112,11 +137,15 @@ class SparseBtf:
                 rows = (ys[in_y] - first_y, xs[in_x] - first_x, lights, views)
                 block = np.moveaxis(self._decode_patch(index, rows), (2, 3), (0, 1))
                 values[:, :, in_y[:, None], in_x] = block
-        return self.normalised.decode(values, lights, views)
+        return self.normalised.logarithms(values, lights, views)
 
     def texel(self, light: int, view: int, y: int, x: int) -> NDArray[np.float32]:
         """The colour (3,) of one texel for one light and view, from its patch's coefficients alone
         (Eq. 5): what a shader computes."""
+        return to_linear_rgb(self.texel_logarithm(light, view, y, x), self.normalised.offset)
+
+    def texel_logarithm(self, light: int, view: int, y: int, x: int) -> NDArray[np.float32]:
+        """Y, U, V (3,) of the logarithm of `texel`."""
         tall, wide = self.ensemble.patch
         patch = y // tall * -(-self.width // wide) + x // wide
         values = np.zeros(len(CHANNELS), np.float32)
@@ -133,7 +162,14 @@ class SparseBtf:
             else:
                 values[CHANNELS.index(key)] = product.sum()
         whole = values.reshape(1, 1, -1)
-        return self.normalised.decode(whole, np.array([light]), np.array([view]))[0, 0]
+        return self.normalised.logarithms(whole, np.array([light]), np.array([view]))[0, 0]
+
+    def normalised_patch(self, index: int) -> NDArray[np.float32]:
+        """Normalised Y, U, V of a whole patch, also of what is over the edge: (y, x, light, view,
+        3)."""
+        lights, views = self.normalised.deviation.shape
+        sizes = (*self.ensemble.patch, lights, views)
+        return self._decode_patch(index, tuple(np.arange(size) for size in sizes))
 
     def _decode_patch(self, index: int, rows: tuple[NDArray[np.intp], ...]) -> NDArray[np.float32]:
         """Normalised Y, U, V of some rows of each mode of a patch: (y, x, light, view, 3)."""
@@ -177,11 +213,14 @@ def quality_of(sparsity: Mapping[str, int], patch: tuple[int, int]) -> int:
     return -(-size // (2 * prod(patch)))
 
 
+def room_of(quality: int, keys: tuple[str, ...], patch: tuple[int, int]) -> int:
+    """How many coefficients of a patch take at most 2 N bytes a texel, all parts together."""
+    return max(len(keys), (2 * quality * prod(patch) - PATCH_BYTES * len(keys)) // COEFFICIENT_BYTES)
+
+
 def sparsity_of(quality: int, keys: tuple[str, ...], patch: tuple[int, int]) -> dict[str, int]:
-    """The coefficients that take at most 2 N bytes a texel: eight for Y to one each for U and V,
-    the paper's proportion."""
-    room = (2 * quality * prod(patch) - PATCH_BYTES * len(keys)) / COEFFICIENT_BYTES
+    """The coefficients that take at most 2 N bytes a texel in the paper's proportion: eight for Y to
+    one each for U and V. `split.by_quality` has one for each material."""
+    room = room_of(quality, keys, patch)
     weights = {key: 8 if key == "Y" else 1 for key in keys}
-    return {
-        key: max(1, int(room * weight / sum(weights.values()))) for key, weight in weights.items()
-    }
+    return {key: max(1, room * weight // sum(weights.values())) for key, weight in weights.items()}

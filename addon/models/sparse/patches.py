@@ -14,7 +14,10 @@ from .transform import CHANNELS, Normalisation
 Origin = tuple[int, int]
 """The lower left texel (y, x) of a patch."""
 
-_BLOCK = 2**25  # values that are read at a time, where patches are smaller
+BLOCK = 2**25
+"""Values of patches in memory at a time, where patches are smaller."""
+
+_Indices = slice | NDArray[np.intp]
 
 
 def tiling(height: int, width: int, patch: tuple[int, int]) -> list[Origin]:
@@ -39,24 +42,25 @@ def read_patches(
     normalised: Normalisation,
     patch: tuple[int, int],
     origins: Sequence[Origin],
+    block: int = BLOCK,
 ) -> Iterator[tuple[slice, NDArray[np.float32]]]:
     """Normalised patches (n, y, x, light, view, 3) float32 in the order of `origins`, with their
-    places in it. Over the edges a periodic dataset goes on at the other side, and texels of another
-    are those at the edge."""
+    places in it; up to `block` values at a time, but one patch. Over the edges a periodic dataset
+    goes on at the other side, and texels of another are those at the edge."""
     lights, views, height, width, _ = dataset.shape
-    most = max(1, _BLOCK // (3 * lights * views * prod(patch)))
+    most = max(1, block // (3 * lights * views * prod(patch)))
     first = 0
     while first < len(origins):
         y = origins[first][0]
         end = first + 1
         while end < len(origins) and end - first < most and origins[end][0] == y:
             end += 1
-        rows = _inside(y, patch[0], height, dataset.periodic)
-        band = dataset.samples[:, :, rows]
-        columns = [_inside(x, patch[1], width, dataset.periodic) for _, x in origins[first:end]]
+        rows = indices_inside(y, patch[0], height, dataset.periodic)
         found = np.empty((end - first, *patch, lights, views, 3), np.float32)
-        for values, window in zip(found, columns, strict=True):
-            values[...] = np.moveaxis(normalised.code(band[:, :, :, window]), (0, 1), (2, 3))
+        for values, (_, x) in zip(found, origins[first:end], strict=True):
+            columns = indices_inside(x, patch[1], width, dataset.periodic)
+            window = normalised.code(_window(dataset.samples, rows, columns))
+            values[...] = np.moveaxis(window, (0, 1), (2, 3))
         yield slice(first, end), found
         first = end
 
@@ -69,8 +73,20 @@ def channels_of(patches: NDArray[np.float32], key: str) -> NDArray[np.float32]:
     return np.ascontiguousarray(patches[..., CHANNELS.index(key)])
 
 
-def _inside(first: int, count: int, size: int, periodic: bool) -> slice | NDArray[np.intp]:
+def indices_inside(first: int, count: int, size: int, periodic: bool) -> _Indices:
+    """The `count` texels from the one numbered `first` on along an axis, over its end or not."""
     if first + count <= size:
         return slice(first, first + count)
     indices = np.arange(first, first + count)
     return indices % size if periodic else np.minimum(indices, size - 1)
+
+
+def _window(
+    samples: NDArray[np.floating], rows: _Indices, columns: _Indices
+) -> NDArray[np.floating]:
+    """Some texels; of an axis that is sliced no more is read."""
+    if isinstance(columns, slice):
+        return samples[:, :, :, columns][:, :, rows]
+    if isinstance(rows, slice):
+        return samples[:, :, rows][:, :, :, columns]
+    return samples[:, :, rows[:, None], columns]

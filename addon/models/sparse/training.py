@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import tempfile
 import time
-import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -18,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...datasets.dataset import Dataset
 from ...errors import Cancelled, NacreError
+from ..checkpoint import StateFile, samples_of
 from .ensemble import Ensemble
 from .patches import Origin, channels_of, overlapping, read_patches
 from .subspace import Subspace
@@ -45,6 +44,7 @@ def train(
     reassign: int = 1,
     subspace: int = SUBSPACE,
     offset: float = OFFSET,
+    by_deviation: bool = False,
     seed: int = 0,
     threads: int = 0,
     folder: Path | None = None,
@@ -58,6 +58,7 @@ def train(
     reassign   choose each patch's dictionary anew in every so many sweeps: others take less time
     subspace   columns of light and of view that are trained in (sparse.subspace);
                with as many as there are lights and views nothing is left out
+    offset, by_deviation  of the logarithm, and how images are normalised (sparse.transform)
     folder     where the patches lie while they are trained on, as half floats
     state      a folder that keeps the state after each sweep, removed when the training ends
     resume     go on from `state`, if it is there, to the bits of a training without a break
@@ -72,10 +73,12 @@ def train(
         "reassign": reassign,
         "subspace": subspace,
         "offset": offset,
+        "by_deviation": by_deviation,
         "seed": seed,
         "materials": [dataset.path.stem for dataset in datasets],
     }
     _check(datasets, patch, sparsity)
+    said = [settings, [samples_of(dataset) for dataset in datasets]]
     started = time.monotonic()
     chosen = _choose(datasets, patch, seed)
     if state and not resume:
@@ -84,12 +87,12 @@ def train(
     shares = len(sparsity)
     with tempfile.TemporaryDirectory(prefix=".patches-", dir=folder) as scratch:
         report = _part_of(progress, 0.0, 0.1)
-        files = _write_patches(datasets, chosen, patch, tuple(sparsity), offset, scratch, report)
+        files = _write_patches(datasets, chosen, patch, tuple(sparsity), offset, by_deviation, scratch, report)
         for number, (key, count) in enumerate(sparsity.items()):
             report = _part_of(
                 progress, 0.1 + 0.9 * number / shares, 0.1 + 0.9 * (number + 1) / shares
             )
-            keeper = _Keeper(state, key, settings) if state else None
+            keeper = _Keeper(state / f"{key}.npz", said) if state else None
             patches = np.load(files[key], mmap_mode="r")
             within = Subspace.of(patches, subspace)
             patches, norm = within.reduce(patches, files[key].with_suffix(".reduced.npy"))
@@ -125,6 +128,7 @@ def train(
         view=datasets[0].view,
         dictionaries=found,
         offset=offset,
+        by_deviation=by_deviation,
         training={
             **settings,
             "patches": sum(len(origins) for origins in chosen),
@@ -135,44 +139,27 @@ def train(
 
 
 class _Keeper:
-    """The state of one part's training in a folder."""
+    """The state of one part's training, saved after each sweep, however fast."""
 
-    def __init__(self, folder: Path, key: str, settings: Mapping[str, Any]) -> None:
-        self._path = folder / f"{key}.npz"
-        self._settings = json.dumps(settings, sort_keys=True)
+    def __init__(self, path: Path, settings: Any) -> None:
+        self._file = StateFile(path, settings)
 
     def save(self, state: Mapping[str, Any]) -> None:
         lists = ("errors", "orthonormality", "reseeded", "squared_norm", "sweeps")
-        about = [self._settings, json.dumps({name: state[name] for name in lists})]
         arrays = {f"mode{n}": matrices for n, matrices in enumerate(state["dictionaries"])}
-        part = self._path.with_suffix(".part")
-        try:
-            self._path.parent.mkdir(exist_ok=True)
-            with part.open("wb") as file:
-                np.savez(file, about=np.array(about), members=state["members"], **arrays)
-            part.replace(self._path)
-        except OSError as error:
-            raise NacreError(f"cannot write {self._path}: {error.strerror}") from error
+        rest = {name: state[name] for name in lists}
+        self._file.save({"members": state["members"], **arrays}, rest)
 
     def load(self) -> dict[str, Any] | None:
-        if not self._path.exists():
+        found = self._file.load()
+        if found is None:
             return None
+        arrays, state = found
         try:
-            with self._path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-                arrays = dict(stored.items())
-            settings, rest = (str(text) for text in arrays.pop("about"))
-            state: dict[str, Any] = json.loads(rest)
             state["members"] = arrays.pop("members")
             state["dictionaries"] = [arrays[f"mode{n}"] for n in range(len(arrays))]
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise NacreError(
-                f"{self._path} is damaged: run without --resume to begin again"
-            ) from error
-        if settings != self._settings:
-            raise NacreError(
-                f"{self._path} is the state of a training with other settings: give the same ones, "
-                "or run without --resume to begin again"
-            )
+        except KeyError as error:
+            raise self._file.damaged() from error
         return state
 
 
@@ -188,8 +175,8 @@ def _check(
         reason = Ensemble(patch, first.light, first.view, {}, 0.0).misfit(dataset)
         if reason:
             raise NacreError(
-                f"{dataset.path.name}: an ensemble is for one set of directions, but compared with "
-                f"{first.path.name} {reason}"
+                f"{dataset.path.name}: an ensemble is for one set of directions, and that of "
+                f"{first.path.name} is another: {reason}"
             )
         sizes = (dataset.sizes["y"], dataset.sizes["x"])
         if min(patch) < 1 or patch[0] > sizes[0] or patch[1] > sizes[1]:
@@ -226,6 +213,7 @@ def _write_patches(
     patch: tuple[int, int],
     keys: tuple[str, ...],
     offset: float,
+    by_deviation: bool,
     scratch: str,
     progress: Callable[[float, str], bool],
 ) -> dict[str, Path]:
@@ -240,7 +228,7 @@ def _write_patches(
             stored[key] = np.lib.format.open_memmap(path, "w+", np.float16, shape)
         first = 0
         for dataset, origins in zip(datasets, chosen, strict=True):
-            normalised = normalisation(dataset, offset)
+            normalised = normalisation(dataset, offset, by_deviation)
             for part, patches in read_patches(dataset, normalised, patch, origins):
                 if not progress((first + part.start) / total, "Reading patches"):
                     raise Cancelled
