@@ -14,7 +14,7 @@ from addon.models.sparse.model import SparseBtf
 from addon.preview.textures import laid_out, texture_array
 from addon.shader_files import shader_text
 from addon.tables.parabolic import texel_directions
-from addon.tables.sparse_tables import SIZE, tables_at
+from addon.tables.sparse_tables import SIZE, means_apart, tables_at
 
 from ._glsl import _COUNTED, _COUNTING, Screen
 
@@ -130,7 +130,7 @@ class ImageSpace(Screen):
         lights, views = (self._square(own) for own in (ensemble.light, ensemble.view))
         super().__init__(laid_out(tables_at(model, lights, views)), size, suns)
         self.shared, self.maps = shared, maps
-        images = np.stack([model.normalised.mean, model.normalised.deviation], -1)
+        images = np.stack([means_apart(model)[0], model.normalised.deviation], -1)
         images = np.pad(images.swapaxes(0, 1), ((0, 0), (0, 0), (0, 2)))[None]
         self.samplers |= {
             "IMAGE_normalised": texture_array(images, "RGBA32F"),

@@ -49,4 +49,19 @@ def random_sparse_tables(
             maps(rows[1]),
             maps(rows[2]),
         )
-    return SparseTables(parts, product(-1.5), product(0.6), 0.2, 0.01, *texels)
+    parts["Y"] = brightened(parts["Y"], 6.0)
+    return SparseTables(parts, product(-0.5), product(0.6), 0.2, 0.01, *texels)
+
+
+def brightened(part: Part, constant: float) -> Part:
+    """A part with a coefficient more, of the same value everywhere: what keeps colours above 0."""
+    first = np.empty_like(part.coefficients[:1])
+    first[:] = (constant, len(part.texels), len(part.light), len(part.view))
+
+    def with_ones(rows: np.ndarray) -> np.ndarray:
+        return np.concatenate([rows, np.ones_like(rows[:1])])
+
+    return Part(
+        np.concatenate([first, part.coefficients]),
+        *(with_ones(rows) for rows in (part.texels, part.light, part.view)),
+    )

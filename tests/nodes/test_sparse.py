@@ -34,6 +34,7 @@ from addon.tables.parabolic import texel_directions
 from addon.tables.sparse_evaluate import evaluate_sparse_patch, evaluate_sparse_points
 from addon.tables.sparse_tables import Part, Product, SparseTables
 from addon.tables.tables import Tables, build_tables
+from benchmarks._sparse_tables import brightened
 
 ENGINES = pytest.mark.parametrize(
     "engine", ["cycles", "eevee"] if bpy.app.version >= (5, 0) else ["cycles"]
@@ -76,8 +77,9 @@ def sparse_tables(seed: int = 0, offset: float = 0.01) -> SparseTables:
             light=maps(lights),
             view=maps(views),
         )
+    parts["Y"] = brightened(parts["Y"], 7.0)
     return SparseTables(
-        parts, product(-1.2), product(0.5), lowest=0.3, offset=offset, height=10, width=9
+        parts, product(-0.4), product(0.5), lowest=0.3, offset=offset, height=10, width=9
     )
 
 
@@ -290,12 +292,11 @@ def test_holes_are_in_both_outputs(later: bool, make_model: Callable) -> None:
 
 
 def mixed(one: SparseTables, other: SparseTables, light: tuple, view: tuple, mix) -> np.ndarray:
-    """The patch of mixed logarithms (Eq. 7); without offset, they are those of the colours."""
+    """The patch of mixed logarithms (Eq. 7)."""
     logarithms = [
         np.log(
-            evaluate_sparse_patch(
-                replace(own, offset=0.0, lowest=0.01), unit(light)[None], unit(view)[None]
-            )[0]
+            evaluate_sparse_patch(replace(own, lowest=0.01), unit(light)[None], unit(view)[None])[0]
+            + own.offset
         )
         for own in (one, other)
     ]
