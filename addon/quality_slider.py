@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import threading
 import traceback
+from collections import deque
 from collections.abc import Iterator
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, NamedTuple
@@ -183,15 +184,19 @@ def _say(material: bpy.types.Material, error: Exception) -> None:
 
 
 def _coming(wanted: Wanted) -> Iterator[tuple[int, AnyTables]]:
-    from .tables.any_tables import build_any_tables
+    from .nodes.loops import has_zones
+    from .nodes.node_tables import build_node_tables
 
     try:
         status = os.stat(wanted.path)
     except OSError as error:
         raise NacreError(f"{wanted.path}: cannot be read ({error.strerror})") from error
     file = _opened(wanted.path, status.st_mtime_ns, status.st_size)
-    for model in file.up_to(wanted.quality):
-        yield model.quality, build_any_tables(model)
+    models = file.up_to(wanted.quality)
+    if not has_zones():  # each would be fitted
+        models = deque(models, maxlen=1)
+    for model in models:
+        yield model.quality, build_node_tables(model)
 
 
 @lru_cache(maxsize=KEPT)

@@ -49,7 +49,8 @@ vec4 TABLE_view_quad(int quad, vec2 place)
 
 #endif
 
-/* Where a point lies: the patch, and its texel in two levels of it, the finer first. */
+/* Where a point lies: a patch or a coarser one, by its place in the textures, and its texel in two
+ * levels of it, the finer first. */
 struct TABLE_Place {
   ivec2 patch_;
   ivec2 texels;
@@ -57,18 +58,21 @@ struct TABLE_Place {
 };
 
 /* uv unwrapped, in material repeats, and its derivatives along the screen. The level follows from
- * what is unwrapped, which does not jump where the material repeats. */
+ * what is unwrapped, which does not jump where the material repeats. Levels of a patch are mixed; of
+ * coarser patches the nearest is taken, as each has coefficients of its own. */
 TABLE_Place TABLE_place(vec2 uv, vec2 uv_dx, vec2 uv_dy)
 {
   const ivec3 levels[TABLE_LEVELS] = TABLE_SIZES; /* width, height, first texel */
+  const ivec3 patches[TABLE_PATCH_LEVELS] = TABLE_PATCHES; /* across, up, first patch */
   const vec2 size = TABLE_SIZE;
-  const vec2 tile = vec2(levels[0].xy);
   float texels = max(length(uv_dx * size), length(uv_dy * size));
-  float level = clamp(log2(max(texels, 1e-6)), 0.0, float(TABLE_LEVELS - 1));
+  float level = max(log2(max(texels, 1e-6)), 0.0);
+  int coarser = clamp(int(level + 1.5) - TABLE_LEVELS, 0, TABLE_PATCH_LEVELS - 1);
+  level = coarser > 0 ? float(TABLE_LEVELS - 1) : min(level, float(TABLE_LEVELS - 1));
   int finer = int(level);
 #ifdef TABLE_COORDINATES
   /* A level's cells are as wide as its texels, and show what the map lays at their middle. */
-  ivec2 cells = max(TABLE_COORDINATES >> finer, ivec2(1));
+  ivec2 cells = max(TABLE_COORDINATES >> (finer + coarser), ivec2(1));
   vec2 cell = min(floor(fract(uv * size / vec2(TABLE_COORDINATES)) * vec2(cells)), vec2(cells - 1));
   vec2 middle = (cell + 0.5) * vec2(TABLE_COORDINATES) / vec2(cells);
   vec2 texel = texelFetch(TABLE_coordinates, ivec3(ivec2(middle), 0), 0).xy + fract(middle);
@@ -76,12 +80,15 @@ TABLE_Place TABLE_place(vec2 uv, vec2 uv_dx, vec2 uv_dy)
   vec2 texel = fract(uv) * size;
 #endif
   texel = min(texel, size - 0.5);
+  ivec3 grid = patches[coarser];
+  vec2 turn = coarser > 0 ? texel / size * vec2(grid.xy) : texel / vec2(levels[0].xy);
+  ivec2 cell_ = min(ivec2(turn), grid.xy - 1);
+  int number = grid.z + cell_.y * grid.x + cell_.x;
   TABLE_Place place;
-  place.patch_ = ivec2(texel / tile);
-  vec2 inside = texel / tile - vec2(place.patch_);
+  place.patch_ = ivec2(number % patches[0].x, number / patches[0].x);
   for (int i = 0; i < 2; i++) {
     ivec3 own = levels[min(finer + i, TABLE_LEVELS - 1)];
-    ivec2 at = min(ivec2(inside * vec2(own.xy)), own.xy - 1);
+    ivec2 at = min(ivec2((turn - vec2(cell_)) * vec2(own.xy)), own.xy - 1);
     place.texels[i] = own.z + at.y * own.x + at.x;
   }
   place.coarse = level - float(finer);

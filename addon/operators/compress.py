@@ -48,7 +48,7 @@ class NACRE_OT_compress(JobOperator, bpy.types.Operator):
         from ..models.sparse.files import save_sparse
         from ..models.steps import Steps
         from ..nodes.kept_world import environment_for, kept_world
-        from ..tables.any_tables import build_any_tables
+        from ..nodes.node_tables import build_node_tables
 
         chosen = context.scene.nacre
         dataset = open_dataset(bpy.path.abspath(chosen.dataset))
@@ -71,7 +71,7 @@ class NACRE_OT_compress(JobOperator, bpy.types.Operator):
             quality = quality_of_model(model)
             if not self._showing:
                 return output, quality, None, []
-            tables = build_any_tables(model, progress=steps.step(1))
+            tables = build_node_tables(model, progress=steps.step(1))
             return output, quality, tables, [environment_for(world, tables) for world in worlds]
 
         return work
@@ -117,15 +117,12 @@ def _sparse_fit(chosen: NACRE_PG_scene, dataset: Dataset, _output: Path) -> Call
     from ..models.sparse.coding import code
     from ..models.sparse.ensemble import choose
     from ..models.sparse.files import load_ensemble
-    from ..models.sparse.model import sparsity_of
 
     if not chosen.ensemble:
         raise NacreError("sparse codes need dictionaries: choose a file that `train` made")
     path = Path(bpy.path.abspath(chosen.ensemble))
     ensemble = choose({path.name: load_ensemble(path)}, dataset)
-    keys = tuple(ensemble.dictionaries)
-    sparsity = sparsity_of(chosen.sparse_quality, keys, ensemble.patch)
-    return partial(code, ensemble=ensemble, sparsity=sparsity)
+    return partial(code, ensemble=ensemble, sparsity=chosen.sparse_quality)
 
 
 def _beyond_noise(chosen: NACRE_PG_scene) -> str:

@@ -97,7 +97,7 @@ def test_light_fades_below_the_lowest_measured_one():
 
 
 def test_models_of_about_one_size_share_a_shader():
-    shapes = [constants(laid_out(random_sparse_tables(seed=seed))) for seed in (0, 1)]
+    shapes = [constants(laid_out(random_sparse_tables(rows=(9, 4, 9), seed=n))) for n in (0, 1)]
     assert shapes[0] == shapes[1]
     assert shapes[0] != constants(laid_out(random_sparse_tables(texels=(16, 20))))
 
@@ -141,18 +141,34 @@ def test_bytes_are_those_of_the_textures():
     assert textures.upload(layout).bytes == expected
 
 
-def test_far_away_every_pixel_is_the_mean_of_the_logarithms():
-    """Of the patch, whatever the offset, and also where the material repeats."""
-    # A small offset: nothing is clamped.
-    tables = replace(random_sparse_tables(texels=(8, 8), patch=(8, 8)), offset=1e-6)
+@pytest.mark.parametrize("patches", [(1, 1), (2, 2), (3, 5)])
+def test_far_away_every_pixel_is_the_mean_of_the_logarithms(patches):
+    """Of all patches, whatever the offset, and also where the material repeats: as exact as the
+    coefficients have room for all products of light and view rows."""
+    texels = tuple(8 * count for count in patches)
+    tables = random_sparse_tables((40, 30, 30), (6, 3, 4), patch=(8, 8), texels=texels)
+    tables = replace(tables, offset=1e-6)  # so that nothing is clamped
     light, view = directions(PAIRS[1])
     whole = evaluate_sparse_patch(tables, light, view)[0]
     assert whole.min() > 0.0
-    logarithms = np.log(whole + tables.offset).mean((0, 1))
-    expected = np.exp(logarithms) - tables.offset
+    logarithms = np.log(whole + tables.offset)
+    blocks = logarithms.reshape(patches[0], 8, patches[1], 8, 3).mean((1, 3))
+    expected = np.exp(blocks.mean((0, 1))) - tables.offset
+    evaluator = FlatEvaluator(tables)
     for offset in ((0.0, 0.0), (0.37, -0.21)):
-        seen = FlatEvaluator(tables).picture(light[0], view[0], (8, 8), 96.0, offset)
+        seen = evaluator.picture(light[0], view[0], (8, 8), 96.0, offset)
         np.testing.assert_allclose(seen, np.broadcast_to(expected, seen.shape), rtol=1e-2)
+
+
+def test_pixels_larger_than_patches_show_their_means():
+    """Of 2 x 2 patches each, in their places."""
+    tables = random_sparse_tables((40, 30, 30), (6, 3, 4), patch=(4, 4), texels=(16, 32))
+    tables = replace(tables, offset=1e-6)
+    light, view = directions(PAIRS[1])
+    logarithms = np.log(evaluate_sparse_patch(tables, light, view)[0] + tables.offset)
+    expected = np.exp(logarithms.reshape(2, 8, 4, 8, 3).mean((1, 3)))
+    seen = FlatEvaluator(tables).picture(light[0], view[0], (4, 2))
+    assert relative(seen, expected) < 5e-3
 
 
 def test_levels_are_mixed_without_a_jump():
@@ -218,6 +234,10 @@ def test_a_mask_has_weights_for_every_texel():
     assert relative(evaluator.picture(light[0], view[0]), expected) < 5e-3
     with pytest.raises(NacreError, match="20 x 12 for 2"):
         FlatEvaluator(*materials, weights=(1.0, 1.0), masks=masks[:, :-1])
+    far = evaluator.picture(light[0], view[0], (4, 4), 400.0)
+    alone = [FlatEvaluator(one).picture(light[0], view[0], (4, 4), 400.0) for one in materials]
+    half = np.exp(sum(0.5 * np.log(own) for own in alone))  # the mask's mean is about a half
+    assert relative(far, half) < 0.1
 
 
 def test_a_material_shows_what_its_nodes_hold():

@@ -1,8 +1,8 @@
 """Blends of sparse models of the same directions, texels and patches (SparseBTF, Section 3.5).
 
-Mixed are the logarithms, Y, U and V of log(RGB + offset), so that a blend is between its materials
-as geometric means are: RGB + offset is the weighted geometric mean of theirs, in every channel, and
-half-way between white and a black of the offset is not half as bright.
+Mixed are the logarithms, Y, U and V of log(1 + RGB / offset), so that a blend is between its
+materials as geometric means are: RGB + offset is the weighted geometric mean of theirs, in every
+channel, and half-way between white and a black of the offset is not half as bright.
 
 The paper's Eq. 7 mixes normalised coefficients and does not say what becomes of the means and
 deviations of the images, which differ between materials. Here each sum of coefficients is taken
@@ -175,7 +175,7 @@ def bake(
         width=first.width,
         ensemble=ensemble,
         normalised=normalised,
-        codes=codes,
+        codes={key: own.rounded() for key, own in codes.items()},
         dataset=_described(mix),
         quality=quality_of(sparsity, ensemble.patch),
     )
@@ -264,9 +264,9 @@ def _normalisation(mix: Blend) -> Normalisation:
     )
     # Weights below 0 turn an image over: its deviation counts all the same.
     own = np.einsum("i,ilv->lv", np.abs(share), deviations)
-    between = np.einsum("ilv,ij,jlv->lv", means, spread, means)
+    between = np.einsum("ilvc,ij,jlvc->lv", means, spread, means) / len(CHANNELS)
     return Normalisation(
-        np.einsum("i,ilv->lv", share, means).astype(np.float32),
+        np.einsum("i,ilvc->lvc", share, means).astype(np.float32),
         np.sqrt(own**2 + np.maximum(between, 0.0)).astype(np.float32),
         mix.offset,
     )
@@ -279,13 +279,14 @@ def _patches(mix: Blend, normalised: Normalisation) -> Iterator[tuple[slice, NDA
     tall, wide = first.ensemble.patch
     origins = tiling(first.height, first.width, (tall, wide))
     scales = [model.normalised.deviation / normalised.deviation for model in mix.models]
-    means = [model.normalised.mean / normalised.deviation for model in mix.models]
-    mean = normalised.mean / normalised.deviation
-    most = max(1, BLOCK // (tall * wide * mean.size * len(CHANNELS)))
+    by_image = normalised.deviation[..., None]
+    means = [model.normalised.mean / by_image for model in mix.models]
+    mean = normalised.mean / by_image
+    most = max(1, BLOCK // (tall * wide * mean.size))
     for begin in range(0, len(origins), most):
         part = slice(begin, min(begin + most, len(origins)))
-        found = np.empty((part.stop - begin, tall, wide, *mean.shape, len(CHANNELS)), np.float32)
-        found[...] = -mean[..., None]
+        found = np.empty((part.stop - begin, tall, wide, *mean.shape), np.float32)
+        found[...] = -mean
         for patch, (index, (y, x)) in zip(found, enumerate(origins[part], begin), strict=True):
             rows = indices_inside(y, tall, first.height, first.dataset["periodic"])
             columns = indices_inside(x, wide, first.width, first.dataset["periodic"])
@@ -294,7 +295,7 @@ def _patches(mix: Blend, normalised: Normalisation) -> Iterator[tuple[slice, NDA
             ):
                 values = model.normalised_patch(index)
                 values *= scale[..., None]
-                values += level[..., None]
+                values += level
                 values *= own[rows][:, columns][..., None, None, None]
                 patch += values
         yield part, found
