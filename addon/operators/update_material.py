@@ -55,7 +55,7 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
                     self._best = quality_of_model(model)
                     self._shown = min(wanted or self._best, self._best)
                     if isinstance(model, SparseBtf):
-                        model = model.truncated(self._shown or model.quality)
+                        model = model.truncated(self._shown)
                 if part == "blended" and not isinstance(model, SparseBtf):
                     raise NacreError(f"{path}: not a sparse model; only those can be mixed")
                 if part == "blended":
