@@ -224,6 +224,13 @@ class NACRE_PG_material(bpy.types.PropertyGroup):
         "it. If empty, it has none",
         subtype="FILE_PATH",
     )
+    blended: StringProperty(
+        name="Mix With",
+        description="File of a second sparse model, of the same directions or others; Update reads "
+        "it. The input Mix of the material's node says how much of it is shown, and takes a mask. "
+        "Logarithms are mixed (SparseBTF, Section 3.5 Eq. 7). If empty, there is none",
+        subtype="FILE_PATH",
+    )
     final_model: StringProperty(
         name="Final Model",
         description="File of the model that replaces it while a final render runs, of a higher "

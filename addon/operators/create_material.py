@@ -42,6 +42,7 @@ class NACRE_OT_create_material(JobOperator, bpy.types.Operator):
         from ..models.any_model import quality_of_model
         from ..nodes.light_set import shining
         from ..nodes.material import material_from_tables
+        from ..nodes.shown import what_is_shown
         from ..quality_slider import set_quality
 
         chosen = context.scene.nacre
@@ -56,7 +57,8 @@ class NACRE_OT_create_material(JobOperator, bpy.types.Operator):
         meshes = _target_meshes(context)
         for item in meshes:
             item.active_material = material
-        _report(self, material, meshes, bool(shining(owner)))
+        note = what_is_shown(context.scene, material)
+        _report(self, material, meshes, bool(shining(owner)), note)
 
 
 def _target_meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
@@ -73,6 +75,7 @@ def _report(
     material: bpy.types.Material,
     meshes: list[bpy.types.Object],
     is_lit: bool,
+    note: str,
 ) -> None:
     """Say what came of it, and what is still missing for a picture."""
     flat = [item.name for item in meshes if not item.data.uv_layers]
@@ -81,6 +84,8 @@ def _report(
         operator.report({"WARNING"}, f"No UV map on {names}: unwrap it to see the material")
     elif not is_lit:
         operator.report({"WARNING"}, "No sun, point, spot or area lights it: add one")
+    elif note:
+        operator.report({"WARNING"}, note)
     elif meshes:
         names = ", ".join(item.name for item in meshes)
         operator.report({"INFO"}, f"Made the material {material.name} on {names}")

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from ..errors import NacreError
 from ..models.exr import read_picture
+from ..nodes.material import needs_osl
+from ..osl import has_osl
 from ..preview.context import need_gpu
 
 NODE_ENGINES = ("eevee", "cycles")
@@ -53,6 +55,17 @@ def set_engine(scene: bpy.types.Scene, engine: str, samples: int) -> None:
         scene.cycles.use_denoising = False
         if hasattr(scene.render, "use_texture_cache"):
             scene.render.use_texture_cache = False
+
+
+def use_scripts(scene: bpy.types.Scene, material: bpy.types.Material) -> None:
+    """Let Cycles run the scripts of a material. Raises NacreError where it cannot."""
+    if scene.render.engine == "CYCLES" and needs_osl(material):
+        if not has_osl():
+            raise NacreError(
+                "Cycles shows sparse models with Open Shading Language, which this Blender was "
+                "built without"
+            )
+        scene.cycles.device, scene.cycles.shading_system = "CPU", True
 
 
 def engine_id(engine: str) -> str:

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 
 import bpy
 
-from ..nodes.material import MODEL_NODE, needs_osl, set_lights
-from .engines import set_engine
+from ..nodes.material import MODEL_NODE, set_lights
+from .engines import set_engine, use_scripts
 from .stage import add_camera, add_mesh, add_sun, new_scene, unit
 
 Direction = tuple[float, float]
@@ -25,7 +25,7 @@ def flat_scene(
         scene.render.pixel_aspect_x = max(1.0, size[1] / size[0])
         scene.render.pixel_aspect_y = max(1.0, size[0] / size[1])
         set_engine(scene, engine, 1)
-        scene.cycles.shading_system = needs_osl(material)
+        use_scripts(scene, material)
         scene.render.filter_size = 0.0  # one sample in the middle of each pixel
         scene.cycles.pixel_filter_type = "BOX"
         scene.cycles.filter_width = 0.01
@@ -69,6 +69,6 @@ def object_scene(
         add_sun(scene, light)
         set_lights(material, scene)
         set_engine(scene, engine, samples)
-        scene.cycles.shading_system = needs_osl(material)
+        use_scripts(scene, material)
         scene.cycles.max_bounces = 0  # the material is measured: nothing bounces that it lacks
         yield scene

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..datasets.directions import spherical_to_unit, unit_to_spherical
-from ..errors import Cancelled
+from ..errors import Cancelled, NacreError
 from ..models.any_model import Model
+from ..nodes.loops import has_zones
 from ..nodes.material import material_from_tables
 from ..preview.flat import FlatEvaluator
 from ..tables.against_model import tables_against_model
@@ -48,7 +49,11 @@ def verify(
 
     step(0.0, "Building tables")
     tables = build_any_tables(model)
-    engines = engines or engines_here()
+    engines = engines or [
+        engine
+        for engine in engines_here()
+        if engine != "eevee" or has_zones() or not isinstance(tables, SparseTables)
+    ]
     results: dict[str, dict[str, float]] = {"tables": tables_against_model(model, tables)}
     _, _, height, width, _ = model.shape
     evaluated, summed = [], []
@@ -107,6 +112,11 @@ def _flat_pictures(
         evaluator = FlatEvaluator(tables)
         yield lambda light, view: evaluator.picture(unit(light), unit(view))
         return
+    if isinstance(tables, SparseTables) and engine == "eevee" and not has_zones():
+        raise NacreError(
+            "EEVEE of this Blender cannot loop: of a sparse model it shows a K-CTA fit, which is "
+            "not verified"
+        )
     material = material_from_tables(tables, "verify")
     with flat_scene(material, size, engine) as flat:
 

@@ -64,6 +64,14 @@ def model_of(parts: str = "", seed: int = 0, own_means: bool = True) -> SparseBt
         ensemble=Ensemble((tall, wide), light, view, dictionaries, 0.1),
         normalised=Normalisation(means.astype(np.float32), deviation.astype(np.float32), 0.1),
         codes=codes,
-        dataset={"light": light.tolist(), "view": view.tolist()},
+        dataset={
+            "light": light.tolist(),
+            "view": view.tolist(),
+            "channels": ["R", "G", "B"],
+            "patch_size": [0.009, 0.01],
+            "periodic": True,
+            "noise_floor_db": None,
+            "source": {},
+        },
         quality=16,
     )

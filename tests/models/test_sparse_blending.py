@@ -38,8 +38,14 @@ def ensembles(datasets):
 
 @pytest.fixture(scope="module")
 def models(datasets, ensembles):
-    """Two materials in an ensemble of their own each."""
-    return [code(d, e, FEW) for d, e in zip(datasets, ensembles, strict=True)]
+    """Two materials in an ensemble of their own each, and divided by deviations of their own."""
+    rng = np.random.default_rng(5)
+    found = [code(d, e, FEW) for d, e in zip(datasets, ensembles, strict=True)]
+    deviations = rng.uniform(0.5, 2.0, (2, *SHAPE[:2])).astype(np.float32)
+    return [
+        replace(model, normalised=replace(model.normalised, deviation=own))
+        for model, own in zip(found, deviations, strict=True)
+    ]
 
 
 @pytest.fixture(scope="module")

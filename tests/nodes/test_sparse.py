@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from small_sparse import model_of
 
 from addon import live
 from addon.errors import NacreError
@@ -26,6 +27,7 @@ from addon.nodes.material import (
     set_tables,
     swap_final,
 )
+from addon.nodes.node_tables import build_node_tables
 from addon.nodes.packed_tables import is_sparse, stored, unpack
 from addon.render.engines import render_pixels, set_engine
 from addon.render.pictures import flat_scene
@@ -348,3 +350,17 @@ def test_what_cannot_be_mixed(tables: Tables) -> None:
     set_blended(material, sparse_tables(1))
     set_tables(material, tables)
     assert "Mix" not in material.node_tree.nodes[MODEL_NODE].inputs
+
+
+@pytest.mark.skipif(bpy.app.version >= (5, 0), reason="EEVEE loops here")
+def test_a_fit_stands_in_where_eevee_cannot_loop() -> None:
+    model = model_of()
+    tables = build_node_tables(model)
+    assert tables.stand_in is not None
+    material = material_from_tables(tables, "Test")
+    with flat_scene(material, (9, 10), "eevee") as flat:
+        for light, view in PAIRS[:2]:
+            flat.aim(light, view)
+            seen = render_pixels(flat.scene)
+            expected = evaluate_sparse_patch(tables, unit(light)[None], unit(view)[None])[0]
+            assert np.abs(seen - expected).mean() < 0.2 * expected.mean()
