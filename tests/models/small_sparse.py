@@ -51,7 +51,8 @@ def model_of(parts: str = "", seed: int = 0) -> SparseBtf:
             values.astype(np.float32),
             random.integers(0, 2, patches).astype(np.uint32),
         )
-    mean = -1.5 + np.outer(light[:, 2], view[:, 2]) + 0.3 * np.outer(light[:, 0], view[:, 1])
+    mean = 3.0 + np.outer(light[:, 2], view[:, 2]) + 0.3 * np.outer(light[:, 0], view[:, 1])
+    mean = np.stack([mean, 0.1 * mean, -0.05 * mean], -1)
     deviation = 0.4 + 0.2 * np.outer(light[:, 2], view[:, 2])
     return SparseBtf(
         height=10,
