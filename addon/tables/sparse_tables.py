@@ -40,8 +40,8 @@ class Part:
     """One of Y, U and V; all float32.
 
     coefficients (count, patches up, patches across, 4): value, and the rows of texels, light and
-                 view that it multiplies; of each patch those of the channel's mean, if it has one of
-                 its own, then the largest first, then zeros
+                 view that it multiplies; of each patch those of the channel's mean, if it has one
+                 of its own, then the largest first, then zeros
     texels       (rows, patch height, patch width): products of columns of the y and x matrices
     light, view  (rows, N, N): columns of their matrices by parabolic texel, row = y
     """

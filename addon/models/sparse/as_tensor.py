@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -45,9 +46,10 @@ def fit_tensor(
                 if not step(_DECODING * writer.fraction, "Decoding"):
                     raise Cancelled
         dataset = open_dataset(path)
+        settings: dict[str, Any] = {**quality_settings(dataset, "kcta", "HIGH")}
         return compress(
             dataset,
             "kcta",
-            **quality_settings(dataset, "kcta", "HIGH"),
+            **settings,
             progress=lambda f, text: step(_DECODING + (1.0 - _DECODING) * f, text),
         )

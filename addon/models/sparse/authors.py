@@ -96,7 +96,7 @@ def load_authors_normalisation(path: Path) -> Normalisation:
     both = _read(path, "<f8", 2 * ANGLES * ANGLES).reshape(2, ANGLES, ANGLES)
     mean, deviation = both.transpose(0, 2, 1).astype(np.float32)  # they have the view first
     # Theirs is of log(RGB + offset): of a constant more in Y.
-    shift = np.float32([np.log(OFFSET), 0.0, 0.0])
+    shift = np.array([np.log(OFFSET), 0.0, 0.0], np.float32)
     return Normalisation(mean[..., None] - shift, deviation, OFFSET)
 
 

@@ -1,8 +1,8 @@
 """Blends of sparse models of the same directions, texels and patches (SparseBTF, Section 3.5).
 
-Mixed are the logarithms, Y, U and V of log(1 + RGB / offset), so that a blend is between its materials
-as geometric means are: RGB + offset is the weighted geometric mean of theirs, in every channel, and
-half-way between white and a black of the offset is not half as bright.
+Mixed are the logarithms, Y, U and V of log(1 + RGB / offset), so that a blend is between its
+materials as geometric means are: RGB + offset is the weighted geometric mean of theirs, in every
+channel, and half-way between white and a black of the offset is not half as bright.
 
 The paper's Eq. 7 mixes normalised coefficients and does not say what becomes of the means and
 deviations of the images, which differ between materials. Here each sum of coefficients is taken

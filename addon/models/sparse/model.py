@@ -42,8 +42,8 @@ class Codes:
         return replace(self, positions=self.positions[:count], values=self.values[:count])
 
     def rounded(self) -> Codes:
-        """Values of one byte: zero, or of 127 magnitudes that fall by a tenth of an octave each from
-        the largest one on, with a sign. That is 35 dB below what the coefficients hold."""
+        """Values of one byte: zero, or one of 127 magnitudes that fall by a tenth of an octave each
+        from the largest on, with a sign. The error is 35 dB below what the coefficients hold."""
         magnitude = np.abs(self.values)
         largest = magnitude.max(initial=0.0)
         if not largest:
@@ -221,8 +221,8 @@ def room_of(quality: int, keys: tuple[str, ...], patch: tuple[int, int]) -> int:
 
 
 def sparsity_of(quality: int, keys: tuple[str, ...], patch: tuple[int, int]) -> dict[str, int]:
-    """The coefficients that take at most 2 N bytes a texel in the paper's proportion: eight for Y to
-    one each for U and V. `split.by_quality` has one for each material."""
+    """The coefficients that take at most 2 N bytes a texel in the paper's proportion: eight for Y
+    to one each for U and V. `split.by_quality` has one for each material."""
     room = room_of(quality, keys, patch)
     weights = {key: 8 if key == "Y" else 1 for key in keys}
     return {key: max(1, room * weight // sum(weights.values())) for key, weight in weights.items()}

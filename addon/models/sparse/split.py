@@ -1,7 +1,7 @@
 """How the coefficients of a quality are divided among Y, U and V.
 
-A coefficient of Y, U or V changes the squares of R, G and B by the squared norm of its column of the
-matrix back to them. So those are kept that are the largest with that weight, over all three: of
+A coefficient of Y, U or V changes the squares of R, G and B by the squared norm of its column of
+the matrix back to them. So those are kept that are the largest with that weight, over all three: of
 white paper nearly all are Y's, of coloured thread fewer. The paper has one division for all
 materials, 8 to 1 to 1.
 """
