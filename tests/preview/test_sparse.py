@@ -16,7 +16,7 @@ import addon
 from addon.datasets.directions import spherical_to_unit
 from addon.errors import NacreError
 from addon.models.sparse.files import save_sparse
-from addon.nodes.material import material_from_tables
+from addon.nodes.material import material_from_tables, set_blended
 from addon.preview import textures
 from addon.preview.appearance import Appearance, appearance_of, tables_of
 from addon.preview.flat import FlatEvaluator
@@ -252,6 +252,29 @@ def test_a_material_shows_what_its_nodes_hold():
         np.testing.assert_allclose(
             getattr(shown, name), getattr(expected, name), rtol=1e-3, atol=1e-3
         )
+
+
+def test_a_material_shows_the_blend_that_its_nodes_hold():
+    """By its input Mix, which is live; what cannot be mixed here is told."""
+    tables, second = (random_sparse_tables(size=16, seed=seed) for seed in (0, 1))
+    addon.register()
+    try:
+        material = material_from_tables(tables, "Sparse")
+        set_blended(material, second)
+        node = next(n for n in material.node_tree.nodes if "Mix" in n.inputs)
+        node.inputs["Mix"].default_value = 0.25
+        before = appearance_of(material)
+        node.inputs["Mix"].default_value = 1.0
+        after = appearance_of(material)
+        set_blended(material, random_sparse_tables(size=16, texels=(16, 20)))
+        unlike = appearance_of(material)
+    finally:
+        addon.unregister()
+    assert (before.weights, after.weights) == ((0.75, 0.25), (0.0, 1.0))
+    assert before.btf is after.btf
+    assert constants(before.btf) == constants(laid_out(tables, second))
+    assert unlike.weights == () and constants(unlike.btf) == constants(laid_out(tables))
+    assert "Sparse: shown unmixed" in unlike.message and "height 16, not 12" in unlike.message
 
 
 def test_a_model_file_is_shown(tmp_path):
