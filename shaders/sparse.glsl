@@ -100,11 +100,12 @@ vec4 TABLE_list(ivec2 patch_, int column)
   return texelFetch(TABLE_lists, ivec3(column, patch_), 0);
 }
 
-/* What one view and one place have in common for all lights: the sums by light row, and the images'
- * mean and deviation as their products stand. */
+/* What one view and one place have in common for all lights: the quads of light rows that each part
+ * sums up to its end, the sums by row, and the images' mean and deviation as their products stand. */
 struct TABLE_Point {
-  ivec2 patch_;
   vec4 weights;
+  int ends[3 * TABLE_MATERIALS];
+  int quads[TABLE_LIGHT_QUADS];
   float reduced[4 * TABLE_LIGHT_QUADS];
   vec4 images[TABLE_IMAGES];
 };
@@ -131,8 +132,8 @@ void TABLE_view_images(inout TABLE_Point point, vec2 direction)
   }
 }
 
-/* Mean and deviation of a material's image of a light's direction and the view's. */
-vec2 TABLE_image(TABLE_Point point, vec2 direction, int material)
+/* Mean (the same in Y, U and V) and deviation of a material's image of a light and the view. */
+vec4 TABLE_image(TABLE_Point point, vec2 direction, int material)
 {
   const ivec3 images[TABLE_MATERIALS] = TABLE_IMAGES_OF; /* first of mean, of deviation, end */
   vec2 found = vec2(0.0);
@@ -143,7 +144,7 @@ vec2 TABLE_image(TABLE_Point point, vec2 direction, int material)
   for (int i = own.y; i < own.z; i++) {
     found.y += dot(TABLE_light_quad(TABLE_LIGHT_IMAGES + i, direction), point.images[i]);
   }
-  return found;
+  return found.xxxy;
 }
 
 #endif
@@ -153,12 +154,12 @@ TABLE_Point TABLE_prepare(vec3 view, vec2 uv, vec2 uv_dx, vec2 uv_dy)
   TABLE_Place at = TABLE_place(uv, uv_dx, uv_dy);
   vec2 direction = TABLE_direction(view);
   TABLE_Point point;
-  point.patch_ = at.patch_;
   point.weights = TABLE_weights_at(at);
   TABLE_view_images(point, direction);
   for (int i = 0; i < 4 * TABLE_LIGHT_QUADS; i++) {
     point.reduced[i] = 0.0;
   }
+  int place = 0;
   int part = 0;
   do {
     ivec3 first = ivec3(TABLE_list(at.patch_, 2 * part).xyz);
@@ -178,6 +179,13 @@ TABLE_Point TABLE_prepare(vec3 view, vec2 uv, vec2 uv_dx, vec2 uv_dy)
       texels[4 * i + 3] = rows.w;
       i++;
     } while (i < quads.x);
+    i = 0;
+    do {
+      point.quads[place] = int(TABLE_list(at.patch_, first.z + i).y);
+      place++;
+      i++;
+    } while (i < quads.y);
+    point.ends[part] = place;
     i = 0;
     do {
       vec4 rows = TABLE_view_quad(int(TABLE_list(at.patch_, first.z + i).z), direction);
@@ -208,25 +216,21 @@ vec3 TABLE_log(TABLE_Point point, vec3 light)
   int place = 0;
   int part = 0;
   do {
-    int first = int(TABLE_list(point.patch_, 2 * part).z);
-    int quads = int(TABLE_list(point.patch_, 2 * part + 1).y);
     float sum = 0.0;
-    int i = 0;
     do {
-      vec4 rows = TABLE_light_quad(int(TABLE_list(point.patch_, first + i).y), direction);
-      sum += dot(rows, vec4(point.reduced[place],
-                            point.reduced[place + 1],
-                            point.reduced[place + 2],
-                            point.reduced[place + 3]));
-      place += 4;
-      i++;
-    } while (i < quads);
+      vec4 rows = TABLE_light_quad(point.quads[place], direction);
+      sum += dot(rows, vec4(point.reduced[4 * place],
+                            point.reduced[4 * place + 1],
+                            point.reduced[4 * place + 2],
+                            point.reduced[4 * place + 3]));
+      place++;
+    } while (place < point.ends[part]);
     parts[part % 3] = sum;
     part++;
     if (part % 3 == 0) {
       int material = part / 3 - 1;
-      vec2 image = TABLE_image(point, direction, material);
-      found += point.weights[material] * (parts * image.y + image.x);
+      vec4 image = TABLE_image(point, direction, material);
+      found += point.weights[material] * (parts * image.w + image.xyz);
     }
   } while (part < 3 * TABLE_MATERIALS);
   return found;

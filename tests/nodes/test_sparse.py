@@ -36,7 +36,6 @@ from addon.tables.parabolic import texel_directions
 from addon.tables.sparse_evaluate import evaluate_sparse_patch, evaluate_sparse_points
 from addon.tables.sparse_tables import Part, Product, SparseTables
 from addon.tables.tables import Tables, build_tables
-from benchmarks._sparse_tables import brightened
 
 ENGINES = pytest.mark.parametrize(
     "engine", ["cycles", "eevee"] if bpy.app.version >= (5, 0) else ["cycles"]
@@ -82,6 +81,20 @@ def sparse_tables(seed: int = 0, offset: float = 0.01) -> SparseTables:
     parts["Y"] = brightened(parts["Y"], 7.0)
     return SparseTables(
         parts, product(-0.4), product(0.5), lowest=0.3, offset=offset, height=10, width=9
+    )
+
+
+def brightened(part: Part, constant: float) -> Part:
+    """A part with a coefficient more, of the same value everywhere: what keeps colours above 0."""
+    first = np.empty_like(part.coefficients[:1])
+    first[:] = (constant, len(part.texels), len(part.light), len(part.view))
+
+    def with_ones(rows: np.ndarray) -> np.ndarray:
+        return np.concatenate([rows, np.ones_like(rows[:1])])
+
+    return Part(
+        np.concatenate([first, part.coefficients]),
+        *(with_ones(rows) for rows in (part.texels, part.light, part.view)),
     )
 
 
