@@ -319,6 +319,9 @@ def test_wrong_trainings_are_refused(dataset, tmp_path, key):
         train([dataset], sparsity={key: 10**5})
     one_line(error, f"{key}=100000")
     with pytest.raises(NacreError) as error:
+        train([dataset], offset=1e30)
+    one_line(error, "offset 1e+30")
+    with pytest.raises(NacreError) as error:
         train([dataset], dictionaries=1000)
     one_line(error, "dictionaries")
     other = write_dataset(tmp_path / "b.nacre", (6, 8, 8, 10, 3))
