@@ -34,11 +34,12 @@ KEPT = 2
 
 
 class Wanted(NamedTuple):
-    """What a material is to show: a file, its quality, and whether in final renders only."""
+    """What a material is to show: a file, its quality, and as what: "model", "blended" with it, or
+    "final" in final renders only."""
 
     path: str
     quality: int
-    final: bool = False
+    part: str = "model"
 
 
 class Reading(threading.Thread):
@@ -91,11 +92,17 @@ def follow_qualities() -> None:
 
 def wanted_of(material: bpy.types.Material) -> tuple[Wanted, ...]:
     """What a material asks for; another quality in final renders waits in another group."""
+    from .nodes.material import group_of
+    from .nodes.sparse_blend import blended_with
+
     settings = material.nacre
     path = bpy.path.abspath(settings.model)
     wanted = [Wanted(path, settings.quality)]
     if _final(settings):
-        wanted.append(Wanted(path, _final(settings), final=True))
+        wanted.append(Wanted(path, _final(settings), "final"))
+    if settings.blended and blended_with(group_of(material)) is not None:
+        path = bpy.path.abspath(settings.blended)
+        wanted.append(Wanted(path, settings.quality, "blended"))
     return tuple(wanted)
 
 
@@ -154,10 +161,12 @@ def set_quality(material: bpy.types.Material, shown: int, wanted: int, best: int
 
 
 def _show(material: bpy.types.Material, wanted: Wanted, quality: int, tables: AnyTables) -> None:
-    from .nodes.material import set_final_tables, set_tables
+    from .nodes.material import set_blended, set_final_tables, set_tables
 
-    if wanted.final:
+    if wanted.part == "final":
         set_final_tables(material, tables)
+    elif wanted.part == "blended":
+        set_blended(material, tables)
     else:
         set_tables(material, tables)
         material.nacre.shown_quality = quality
@@ -186,6 +195,7 @@ def _say(material: bpy.types.Material, error: Exception) -> None:
 def _coming(wanted: Wanted) -> Iterator[tuple[int, AnyTables]]:
     from .nodes.loops import has_zones
     from .nodes.node_tables import build_node_tables
+    from .tables.any_tables import build_any_tables
 
     try:
         status = os.stat(wanted.path)
@@ -195,8 +205,9 @@ def _coming(wanted: Wanted) -> Iterator[tuple[int, AnyTables]]:
     models = file.up_to(wanted.quality)
     if not has_zones():  # each would be fitted
         models = deque(models, maxlen=1)
+    build = build_any_tables if wanted.part == "blended" else build_node_tables
     for model in models:
-        yield model.quality, build_node_tables(model)
+        yield model.quality, build(model)
 
 
 @lru_cache(maxsize=KEPT)

@@ -4,6 +4,7 @@ around a pair of directions are decoded whole, and mixed as colours (SparseBTF, 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import gpu
 import numpy as np
@@ -28,7 +29,7 @@ _ROWS = r"""
 #define BTF_image(point, light, material) \
   texelFetch(IMAGE_normalised, \
              ivec3(image_number(light), image_number(point.images[0].xy), 0), \
-             0).xy
+             0)
 int image_number(vec2 place)
 {
   return int(place.y) * IMAGE_SIDE + int(place.x);
@@ -128,10 +129,14 @@ class ImageSpace(Screen):
         ensemble = model.ensemble
         self.side = int(np.ceil(np.sqrt(max(len(ensemble.light), len(ensemble.view)))))
         lights, views = (self._square(own) for own in (ensemble.light, ensemble.view))
-        super().__init__(laid_out(tables_at(model, lights, views)), size, suns)
+        normalised = model.normalised
+        # Means are read as they are, and are no part of what is coded.
+        coded = replace(normalised, mean=np.zeros_like(normalised.mean))
+        tables = tables_at(replace(model, normalised=coded), lights, views)
+        super().__init__(laid_out(tables), size, suns)
         self.shared, self.maps = shared, maps
-        images = np.stack([model.normalised.mean, model.normalised.deviation], -1)
-        images = np.pad(images.swapaxes(0, 1), ((0, 0), (0, 0), (0, 2)))[None]
+        images = np.concatenate([normalised.mean, normalised.deviation[..., None]], -1)
+        images = images.swapaxes(0, 1)[None]
         self.samplers |= {
             "IMAGE_normalised": texture_array(images, "RGBA32F"),
             "IMAGE_lights": texture_array(_neighbours(ensemble.light, maps), "RGBA32F"),

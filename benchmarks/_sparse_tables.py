@@ -17,7 +17,7 @@ def random_sparse_tables(
     seed: int = 0,
 ) -> SparseTables:
     """`counts` of the coefficients of a patch in Y, U and V, at most, which use `rows` of texels,
-    light and view; some patches have fewer, and one has none in U."""
+    light and view; some patches have fewer, and one has none in U. Logarithms stay above 0."""
     random = np.random.default_rng(seed)
     directions = texel_directions(size)
     x, y, z = np.moveaxis(directions, -1, 0)
@@ -43,10 +43,10 @@ def random_sparse_tables(
         coefficients[-(count // 3) :, ::2, ::2] = 0.0
         if key == "U":
             coefficients[:, -1, -1] = 0.0
-        parts[key] = Part(
-            coefficients,
-            random.normal(0, 0.5, (rows[0], *patch)).astype(np.float32),
-            maps(rows[1]),
-            maps(rows[2]),
-        )
-    return SparseTables(parts, product(-1.5), product(0.6), 0.2, 0.01, *texels)
+        spread = random.normal(0, 0.5, (rows[0], *patch)).astype(np.float32)
+        light, view = maps(rows[1]), maps(rows[2])
+        if key == "Y":  # the mean of the logarithm
+            coefficients[0] = (5.0, 0.0, 0.0, 0.0)
+            spread[0] = light[0] = view[0] = 1.0
+        parts[key] = Part(coefficients, spread, light, view)
+    return SparseTables(parts, product(0.0), product(0.6), 0.2, 0.05, *texels)

@@ -49,7 +49,8 @@ vec4 TABLE_view_quad(int quad, vec2 place)
 
 #endif
 
-/* Where a point lies: the patch, and its texel in two levels of it, the finer first. */
+/* Where a point lies: a patch or a coarser one, by its place in the textures, and its texel in two
+ * levels of it, the finer first. */
 struct TABLE_Place {
   ivec2 patch_;
   ivec2 texels;
@@ -57,18 +58,21 @@ struct TABLE_Place {
 };
 
 /* uv unwrapped, in material repeats, and its derivatives along the screen. The level follows from
- * what is unwrapped, which does not jump where the material repeats. */
+ * what is unwrapped, which does not jump where the material repeats. Levels of a patch are mixed; of
+ * coarser patches the nearest is taken, as each has coefficients of its own. */
 TABLE_Place TABLE_place(vec2 uv, vec2 uv_dx, vec2 uv_dy)
 {
   const ivec3 levels[TABLE_LEVELS] = TABLE_SIZES; /* width, height, first texel */
+  const ivec3 patches[TABLE_PATCH_LEVELS] = TABLE_PATCHES; /* across, up, first patch */
   const vec2 size = TABLE_SIZE;
-  const vec2 tile = vec2(levels[0].xy);
   float texels = max(length(uv_dx * size), length(uv_dy * size));
-  float level = clamp(log2(max(texels, 1e-6)), 0.0, float(TABLE_LEVELS - 1));
+  float level = max(log2(max(texels, 1e-6)), 0.0);
+  int coarser = clamp(int(level + 1.5) - TABLE_LEVELS, 0, TABLE_PATCH_LEVELS - 1);
+  level = coarser > 0 ? float(TABLE_LEVELS - 1) : min(level, float(TABLE_LEVELS - 1));
   int finer = int(level);
 #ifdef TABLE_COORDINATES
   /* A level's cells are as wide as its texels, and show what the map lays at their middle. */
-  ivec2 cells = max(TABLE_COORDINATES >> finer, ivec2(1));
+  ivec2 cells = max(TABLE_COORDINATES >> (finer + coarser), ivec2(1));
   vec2 cell = min(floor(fract(uv * size / vec2(TABLE_COORDINATES)) * vec2(cells)), vec2(cells - 1));
   vec2 middle = (cell + 0.5) * vec2(TABLE_COORDINATES) / vec2(cells);
   vec2 texel = texelFetch(TABLE_coordinates, ivec3(ivec2(middle), 0), 0).xy + fract(middle);
@@ -76,12 +80,15 @@ TABLE_Place TABLE_place(vec2 uv, vec2 uv_dx, vec2 uv_dy)
   vec2 texel = fract(uv) * size;
 #endif
   texel = min(texel, size - 0.5);
+  ivec3 grid = patches[coarser];
+  vec2 turn = coarser > 0 ? texel / size * vec2(grid.xy) : texel / vec2(levels[0].xy);
+  ivec2 cell_ = min(ivec2(turn), grid.xy - 1);
+  int number = grid.z + cell_.y * grid.x + cell_.x;
   TABLE_Place place;
-  place.patch_ = ivec2(texel / tile);
-  vec2 inside = texel / tile - vec2(place.patch_);
+  place.patch_ = ivec2(number % patches[0].x, number / patches[0].x);
   for (int i = 0; i < 2; i++) {
     ivec3 own = levels[min(finer + i, TABLE_LEVELS - 1)];
-    ivec2 at = min(ivec2(inside * vec2(own.xy)), own.xy - 1);
+    ivec2 at = min(ivec2((turn - vec2(cell_)) * vec2(own.xy)), own.xy - 1);
     place.texels[i] = own.z + at.y * own.x + at.x;
   }
   place.coarse = level - float(finer);
@@ -93,11 +100,12 @@ vec4 TABLE_list(ivec2 patch_, int column)
   return texelFetch(TABLE_lists, ivec3(column, patch_), 0);
 }
 
-/* What one view and one place have in common for all lights: the sums by light row, and the images'
- * mean and deviation as their products stand. */
+/* What one view and one place have in common for all lights: the quads of light rows that each part
+ * sums up to its end, the sums by row, and the images' mean and deviation as their products stand. */
 struct TABLE_Point {
-  ivec2 patch_;
   vec4 weights;
+  int ends[3 * TABLE_MATERIALS];
+  int quads[TABLE_LIGHT_QUADS];
   float reduced[4 * TABLE_LIGHT_QUADS];
   vec4 images[TABLE_IMAGES];
 };
@@ -124,8 +132,8 @@ void TABLE_view_images(inout TABLE_Point point, vec2 direction)
   }
 }
 
-/* Mean and deviation of a material's image of a light's direction and the view's. */
-vec2 TABLE_image(TABLE_Point point, vec2 direction, int material)
+/* Mean (the same in Y, U and V) and deviation of a material's image of a light and the view. */
+vec4 TABLE_image(TABLE_Point point, vec2 direction, int material)
 {
   const ivec3 images[TABLE_MATERIALS] = TABLE_IMAGES_OF; /* first of mean, of deviation, end */
   vec2 found = vec2(0.0);
@@ -136,7 +144,7 @@ vec2 TABLE_image(TABLE_Point point, vec2 direction, int material)
   for (int i = own.y; i < own.z; i++) {
     found.y += dot(TABLE_light_quad(TABLE_LIGHT_IMAGES + i, direction), point.images[i]);
   }
-  return found;
+  return found.xxxy;
 }
 
 #endif
@@ -146,12 +154,12 @@ TABLE_Point TABLE_prepare(vec3 view, vec2 uv, vec2 uv_dx, vec2 uv_dy)
   TABLE_Place at = TABLE_place(uv, uv_dx, uv_dy);
   vec2 direction = TABLE_direction(view);
   TABLE_Point point;
-  point.patch_ = at.patch_;
   point.weights = TABLE_weights_at(at);
   TABLE_view_images(point, direction);
   for (int i = 0; i < 4 * TABLE_LIGHT_QUADS; i++) {
     point.reduced[i] = 0.0;
   }
+  int place = 0;
   int part = 0;
   do {
     ivec3 first = ivec3(TABLE_list(at.patch_, 2 * part).xyz);
@@ -171,6 +179,13 @@ TABLE_Point TABLE_prepare(vec3 view, vec2 uv, vec2 uv_dx, vec2 uv_dy)
       texels[4 * i + 3] = rows.w;
       i++;
     } while (i < quads.x);
+    i = 0;
+    do {
+      point.quads[place] = int(TABLE_list(at.patch_, first.z + i).y);
+      place++;
+      i++;
+    } while (i < quads.y);
+    point.ends[part] = place;
     i = 0;
     do {
       vec4 rows = TABLE_view_quad(int(TABLE_list(at.patch_, first.z + i).z), direction);
@@ -201,25 +216,21 @@ vec3 TABLE_log(TABLE_Point point, vec3 light)
   int place = 0;
   int part = 0;
   do {
-    int first = int(TABLE_list(point.patch_, 2 * part).z);
-    int quads = int(TABLE_list(point.patch_, 2 * part + 1).y);
     float sum = 0.0;
-    int i = 0;
     do {
-      vec4 rows = TABLE_light_quad(int(TABLE_list(point.patch_, first + i).y), direction);
-      sum += dot(rows, vec4(point.reduced[place],
-                            point.reduced[place + 1],
-                            point.reduced[place + 2],
-                            point.reduced[place + 3]));
-      place += 4;
-      i++;
-    } while (i < quads);
+      vec4 rows = TABLE_light_quad(point.quads[place], direction);
+      sum += dot(rows, vec4(point.reduced[4 * place],
+                            point.reduced[4 * place + 1],
+                            point.reduced[4 * place + 2],
+                            point.reduced[4 * place + 3]));
+      place++;
+    } while (place < point.ends[part]);
     parts[part % 3] = sum;
     part++;
     if (part % 3 == 0) {
       int material = part / 3 - 1;
-      vec2 image = TABLE_image(point, direction, material);
-      found += point.weights[material] * (parts * image.y + image.x);
+      vec4 image = TABLE_image(point, direction, material);
+      found += point.weights[material] * (parts * image.w + image.xyz);
     }
   } while (part < 3 * TABLE_MATERIALS);
   return found;

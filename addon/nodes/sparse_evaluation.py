@@ -7,18 +7,17 @@ its row of the view, and multiplied with each light's row. EEVEE keeps a repeat 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import log
 
 import bpy
 
 from ..models.domain import TO_RGB
+from ..models.sparse.transform import MOST
 from .atlas import Atlas
 from .graph import Graph, Wire
 from .lookups import fetch_texel, place_between
 from .loops import repeat
 from .packed_sparse import PackedSparse, SparseShapes
-
-LARGEST_LOGARITHM = 11.0
-"""A few coefficients may shoot far over what was ever measured (models.sparse.transform)."""
 
 
 class Around:
@@ -133,19 +132,15 @@ def _denormalised(g: Graph, parts: Wire, images: Wire) -> Wire:
     return values + g.combine(mean, mean, mean)
 
 
-def colour_of(
-    g: Graph, values: Wire, offset: Wire | float, lowest: Wire | float, light: Wire
-) -> Wire:
+def colour_of(g: Graph, values: Wire, offset: float, lowest: Wire | float, light: Wire) -> Wire:
     """The linear colour under a light of Y, U, V of its logarithm, clamped at 0 and faded where the
     light is lower than any that was measured."""
     bases = [g.dot(values, tuple(float(own) for own in row)) for row in TO_RGB]
-    channels = [g.math("EXPONENT", g.math("MINIMUM", base, LARGEST_LOGARITHM)) for base in bases]
+    largest = MOST - log(offset)
+    channels = [g.math("EXPONENT", g.math("MINIMUM", base, largest)) for base in bases]
     cosine = g.separate(light)[2]
     fade = g.wire(g.node("ShaderNodeMath", cosine, lowest, operation="DIVIDE", use_clamp=True))
-    return (
-        g.combine(*(g.math("MAXIMUM", g.operate("SUBTRACT", own, offset), 0.0) for own in channels))
-        * fade
-    )
+    return g.combine(*(g.math("MAXIMUM", own - 1.0, 0.0) for own in channels)) * (fade * offset)
 
 
 def nearest_texel(

@@ -117,15 +117,12 @@ def _sparse_fit(chosen: NACRE_PG_scene, dataset: Dataset, _output: Path) -> Call
     from ..models.sparse.coding import code
     from ..models.sparse.ensemble import choose
     from ..models.sparse.files import load_ensemble
-    from ..models.sparse.model import sparsity_of
 
     if not chosen.ensemble:
         raise NacreError("sparse codes need dictionaries: choose a file that `train` made")
     path = Path(bpy.path.abspath(chosen.ensemble))
     ensemble = choose({path.name: load_ensemble(path)}, dataset)
-    keys = tuple(ensemble.dictionaries)
-    sparsity = sparsity_of(chosen.sparse_quality, keys, ensemble.patch)
-    return partial(code, ensemble=ensemble, sparsity=sparsity)
+    return partial(code, ensemble=ensemble, sparsity=chosen.sparse_quality)
 
 
 def _beyond_noise(chosen: NACRE_PG_scene) -> str:

@@ -26,7 +26,7 @@ class NACRE_OT_create_material(JobOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Work:
         from ..models.any_model import load_first
         from ..models.sparse.files import promised_quality
-        from ..tables.any_tables import build_any_tables
+        from ..nodes.node_tables import build_node_tables
 
         path = Path(bpy.path.abspath(context.scene.nacre.model))
         self._name = path.stem
@@ -34,14 +34,13 @@ class NACRE_OT_create_material(JobOperator, bpy.types.Operator):
         def work(progress: Progress) -> Any:
             progress(0.0, "Reading the model")
             model = load_first(path)
-            return model, promised_quality(path), build_any_tables(model, progress=progress)
+            return model, promised_quality(path), build_node_tables(model, progress=progress)
 
         return work
 
     def finish(self, context: bpy.types.Context, result: Any) -> None:
         from ..models.any_model import quality_of_model
         from ..nodes.light_set import shining
-        from ..nodes.loops import has_zones
         from ..nodes.material import material_from_tables
         from ..nodes.shown import what_is_shown
         from ..quality_slider import set_quality
@@ -54,9 +53,7 @@ class NACRE_OT_create_material(JobOperator, bpy.types.Operator):
         material.nacre.model = chosen.model
         material.nacre.patch_size = model.dataset.get("patch_size") or (0.0, 0.0)
         # What a sparse model has of a higher quality follows.
-        # What takes a fit to be shown, follows as well.
-        shown = quality_of_model(model) if has_zones() else 0
-        set_quality(material, shown, best, best)
+        set_quality(material, quality_of_model(model), best, best)
         meshes = _target_meshes(context)
         for item in meshes:
             item.active_material = material

@@ -33,6 +33,7 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
         files = self._material.nacre
         # The slider stays where it is, on a file that had one before.
         wanted = files.quality if files.file_quality else None
+        self._shown = self._best = 0
         kept = kept_world(self._material.node_tree)
         paths = {
             part: Path(bpy.path.abspath(getattr(files, part)))
@@ -58,6 +59,7 @@ class NACRE_OT_update_material(JobOperator, bpy.types.Operator):
                 if part == "blended" and not isinstance(model, SparseBtf):
                     raise NacreError(f"{path}: not a sparse model; only those can be mixed")
                 if part == "blended":
+                    model = model.truncated(self._shown or model.quality)
                     found[part] = (build_any_tables(model, progress=share(number)),)
                     continue
                 tables = build_node_tables(model, progress=share(number))

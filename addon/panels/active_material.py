@@ -41,7 +41,8 @@ class NACRE_PT_active_material(SidebarPanel, bpy.types.Panel):
         layout.prop(material.nacre, "model")
         if material.nacre.file_quality:
             column = layout.column(align=True)
-            column.prop(material.nacre, "quality", slider=True)
+            text = f"Quality / {material.nacre.file_quality}"
+            column.prop(material.nacre, "quality", text=text, slider=True)
             if not material.nacre.final_model:
                 column.prop(material.nacre, "final_quality", text="Final", slider=True)
         if material.nacre.problem:

@@ -38,7 +38,8 @@ class WorldLight:
 
 @dataclass(frozen=True)
 class Appearance:
-    """Tables of a BTF or of occlusion, or neither; `message` says why a model could not be read.
+    """Tables of a BTF or of occlusion, or neither; `message` says why a model could not be read or
+    mixed.
 
     `coordinates` (H, W, 2) is the map that lays the patch anew, `lights` names the collection that
     lights it; "" for the scene. Visibility is Eq. 26's threshold and weight, `repeat` the patches
@@ -108,6 +109,7 @@ def _packed_appearance(material: bpy.types.Material, final: bool) -> Appearance 
     btf = None if node is None else _unpacked(node.node_tree)
     if btf is None:
         return None
+    btf, weights, message = _blended(node, btf)
     coverage = nodes.get(COVERAGE_NODE)
     occlusion, visibility = None, Appearance.visibility
     if coverage is not None:
@@ -121,6 +123,8 @@ def _packed_appearance(material: bpy.types.Material, final: bool) -> Appearance 
         lights=_lights(node.node_tree),
         visibility=visibility,
         repeat=_repeat(material),
+        weights=weights,
+        message=message and f"{material.name}: {message}",
     )
 
 
@@ -139,12 +143,15 @@ def _lights(tree: bpy.types.ShaderNodeTree) -> str:
 
 def _unpacked(tree: bpy.types.ShaderNodeTree | None) -> Tables | SparseLayout | None:
     """The tables that a node group keeps, or None."""
-    from ..nodes.packed_tables import is_packed, stored
+    from ..nodes.packed_tables import is_packed
 
-    if not is_packed(tree):
-        return None
-    images = tuple(atlas.image.session_uid for atlas in stored(tree).atlases.values())
-    return _unpack(tree.name_full, images)
+    return _unpack(tree.name_full, _images(tree)) if is_packed(tree) else None
+
+
+def _images(tree: bpy.types.ShaderNodeTree) -> tuple[int, ...]:
+    from ..nodes.packed_tables import stored
+
+    return tuple(atlas.image.session_uid for atlas in stored(tree).atlases.values())
 
 
 @lru_cache(maxsize=KEPT)
@@ -152,6 +159,36 @@ def _unpack(name: str, _images: tuple[int, ...]) -> Tables | SparseLayout:
     from ..nodes.packed_tables import stored, unpack
 
     return laid_out(unpack(stored(_group(name))))
+
+
+def _blended(
+    node: bpy.types.ShaderNodeGroup, alone: Tables | SparseLayout
+) -> tuple[Tables | SparseLayout, tuple[float, ...], str]:
+    """The blend that a material's node shows and its weights, or a model alone; and why where the
+    engine cannot mix them."""
+    from ..nodes.sparse_blend import MIX, blended_with
+
+    second = blended_with(node.node_tree)
+    if second is None:
+        return alone, (), ""
+    images = tuple(atlas.image.session_uid for atlas in second.atlases.values())
+    try:
+        both = _unpack_blend(node.node_tree.name_full, _images(node.node_tree), images)
+    except NacreError as error:
+        return alone, (), f"shown unmixed ({error})"
+    mix = node.inputs[MIX].default_value
+    return both, (1.0 - mix, mix), ""
+
+
+@lru_cache(maxsize=KEPT)
+def _unpack_blend(
+    name: str, _first: tuple[int, ...], _second: tuple[int, ...]
+) -> Tables | SparseLayout:
+    from ..nodes.packed_tables import stored, unpack
+    from ..nodes.sparse_blend import blended_with
+
+    tree = _group(name)
+    return laid_out(unpack(stored(tree)), unpack(blended_with(tree)))
 
 
 def _world_light(tree: bpy.types.ShaderNodeTree) -> WorldLight | None:

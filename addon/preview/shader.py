@@ -96,21 +96,28 @@ def _sparse(layout: SparseLayout) -> dict[str, str]:
         "VIEW_TILES": core_tiles(len(layout.view)),
         "MAP": layout.light.shape[1],
         "LEVELS": len(layout.levels),
+        "PATCH_LEVELS": len(layout.patches),
     }
     text = {name: str(number) for name, number in numbers.items()}
-    first, sizes = 0, []
-    for height, width in layout.levels:
-        sizes.append(f"ivec3({width}, {height}, {first})")
-        first += height * width
+    text["SIZES"], text["PATCHES"] = _places(layout.levels), _places(layout.patches)
     images = [f"ivec3{tuple(ends[i : i + 3])}" for i in range(0, len(ends) - 2, 2)]
     text["IMAGES_OF"] = f"ivec3[{len(images)}]({', '.join(images)})"
-    text["SIZES"] = f"ivec3[{len(sizes)}]({', '.join(sizes)})"
     text["SIZE"] = f"vec2({layout.width:.1f}, {layout.height:.1f})"
     text["TO_RGB"] = "mat3({})".format(", ".join(f"{part:.9g}" for part in TO_RGB.T.ravel()))
     text["OFFSET"] = f"{layout.offset:.9g}"
     text["LOWEST"] = f"{max(layout.lowest, 1e-6):.9g}"
     text["SPARSE"] = text["LIGHT"] = "1"
     return text
+
+
+def _places(sizes: Sequence[tuple[int, int]]) -> str:
+    """Width, height and first number of levels (height, width) that lie one after the other."""
+    firsts = accumulate((height * width for height, width in sizes), initial=0)
+    texts = [
+        f"ivec3({width}, {height}, {first})"
+        for (height, width), first in zip(sizes, firsts, strict=False)
+    ]
+    return f"ivec3[{len(texts)}]({', '.join(texts)})"
 
 
 def samplers(numbers: Constants) -> tuple[str, ...]:

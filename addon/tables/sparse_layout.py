@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from ..errors import NacreError
 from .levels import halve
+from .sparse_levels import all_patches, patch_levels
 
 if TYPE_CHECKING:  # models need the compiled packages, and the engine registers without
-    from .sparse_tables import Part, SparseTables
+    from .sparse_tables import SparseTables
 
 HEADER = 2
 """Texels that begin a part's list."""
@@ -26,7 +27,7 @@ HEADER = 2
 BLENDED = 4
 """Materials in a blend: their weights are one RGBA texel."""
 
-ROUNDED = 4
+ROUNDED = 8
 """Lengths of a shader's arrays are whole multiples of this many quads, so that models of about the
 same size share a shader."""
 
@@ -35,10 +36,11 @@ same size share a shader."""
 class SparseLayout:
     """Textures of (layers, height, width, 4) float32, of one material or several.
 
-    coefficients (patches up, patches across, columns, 4): value, and its places among the rows of
+    coefficients (rows, patches across, columns, 4): for all patches, those of coarser levels
+                 (sparse_levels) after the others: value, and its places among the rows of
                  texels, light and view that the patch lists; of all parts one after the other,
                  those of one light row together; a part has one at least, which may be 0
-    lists        (patches up, patches across, columns, 4): for each part (first coefficient, their
+    lists        (rows, patches across, columns, 4): for each part (first coefficient, their
                  number, first column of its list, 0) and the numbers of quads of (texels, light,
                  view, 0); then the lists, layers of (texels, light, view, 0)
     texels       (quads, 1, texels, 4): rows over the texels of a patch, the finest level first
@@ -56,6 +58,7 @@ class SparseLayout:
     light: NDArray[np.float32]
     view: NDArray[np.float32]
     levels: tuple[tuple[int, int], ...]
+    patches: tuple[tuple[int, int], ...]
     images: tuple[tuple[int, int], ...]
     longest: tuple[int, int, int]
     height: int
@@ -81,14 +84,19 @@ def sparse_layout(*materials: SparseTables) -> SparseLayout:
         raise NacreError(f"{len(materials)} materials: a blend is drawn of {BLENDED} at most")
     parts = [part for one in materials for part in one.parts.values()]
     up, across = parts[0].coefficients.shape[1:3]
-    quads = np.array([[-(-len(own) // 4) for own in _rows(part)] for part in parts])
+    coded, texels = zip(*(all_patches(part) for part in parts), strict=True)
+    rows = [(own, part.light, part.view) for own, part in zip(texels, parts, strict=True)]
+    quads = np.array([[-(-len(own) // 4) for own in kinds] for kinds in rows])
     before = np.cumsum(quads, 0) - quads
-    listed = [_listed(part, first) for part, first in zip(parts, before, strict=True)]
+    listed = [
+        _listed(table, kinds, first)
+        for table, kinds, first in zip(coded, rows, before, strict=True)
+    ]
     counts = np.array([one.counts for one in listed])
     coefficients = np.concatenate([one.coefficients for one in listed], 1)
     lists, heads = [], []
     first_coefficient, first_column = 0, HEADER * len(parts)
-    lights = np.zeros(up * across, np.float32)
+    lights = np.zeros(len(coefficients), np.float32)
     for one, count in zip(listed, counts, strict=True):
         # Light rows of all parts stay in one array until a light comes.
         begin = slice(first_coefficient, first_coefficient + one.coefficients.shape[1])
@@ -111,14 +119,13 @@ def sparse_layout(*materials: SparseTables) -> SparseLayout:
         return np.concatenate([*own, *(getattr(image, name) for image in images)])
 
     return SparseLayout(
-        coefficients=coefficients.reshape(up, across, -1, 4),
-        lists=np.concatenate([*heads, *lists], 1).reshape(up, across, -1, 4),
-        texels=np.concatenate([_quads(_all_levels(part.texels, levels)) for part in parts])[
-            :, None
-        ],
+        coefficients=_in_rows(coefficients, across),
+        lists=_in_rows(np.concatenate([*heads, *lists], 1), across),
+        texels=np.concatenate([_quads(_all_levels(own, levels)) for own in texels])[:, None],
         light=maps("light"),
         view=maps("view"),
         levels=levels,
+        patches=patch_levels(up, across),
         images=tuple((len(one.mean.light), len(one.deviation.light)) for one in materials),
         longest=(
             _rounded(counts[..., 0].max()),
@@ -143,8 +150,9 @@ class _Listed:
     counts: NDArray[np.intp]
 
 
-def _listed(part: Part, first: NDArray[np.intp]) -> _Listed:
-    table = part.coefficients.reshape(len(part.coefficients), -1, 4).swapaxes(0, 1)
+def _listed(
+    table: NDArray[np.float32], kinds: tuple[NDArray[np.float32], ...], first: NDArray[np.intp]
+) -> _Listed:
     nonzero = table[..., 0] != 0
     # Zeros last, light rows together: a shader sums up to the end of each.
     order = np.lexsort((table[..., 2], ~nonzero), axis=1)
@@ -152,7 +160,7 @@ def _listed(part: Part, first: NDArray[np.intp]) -> _Listed:
     nonzero = table[..., 0] != 0
     patch = np.broadcast_to(np.arange(len(table))[:, None], nonzero.shape)
     lists, counts = [], []
-    for kind, rows in enumerate(_rows(part), 1):
+    for kind, rows in enumerate(kinds, 1):
         quads = -(-len(rows) // 4)
         row = table[..., kind].astype(np.intp)
         uses = np.zeros((len(table), quads), bool)
@@ -171,25 +179,29 @@ def _listed(part: Part, first: NDArray[np.intp]) -> _Listed:
 
 
 def masks_of_levels(masks: NDArray[np.floating], layout: SparseLayout) -> NDArray[np.float32]:
-    """Weights (n, y, x) of materials as a texture (patches up, patches across, texels of levels,
-    4). Raises NacreError for another size."""
+    """Weights (n, y, x) of materials as a texture (rows, patches across, texels of levels, 4), for
+    all patches. Raises NacreError for another size."""
     if masks.shape != (len(layout.images), layout.height, layout.width):
         raise NacreError(
             f"masks of {masks.shape[2]} x {masks.shape[1]} texels for {len(masks)} materials: "
             f"expected {layout.width} x {layout.height} for {len(layout.images)}"
         )
-    (tall, wide), (up, across) = layout.levels[0], layout.lists.shape[:2]
+    (tall, wide), (up, across) = layout.levels[0], layout.patches[0]
     over = ((0, up * tall - layout.height), (0, across * wide - layout.width))
     whole = np.pad(masks, ((0, BLENDED - len(masks)), *over), mode="edge").astype(np.float32)
     whole[len(masks) :] = 0.0
     patches = whole.reshape(BLENDED, up, tall, across, wide).transpose(0, 1, 3, 2, 4)
     found = _all_levels(patches.reshape(-1, tall, wide), layout.levels)
-    return np.ascontiguousarray(np.moveaxis(found.reshape(BLENDED, up, across, -1), 0, -1))
+    fine = np.moveaxis(found.reshape(BLENDED, up * across, -1), 0, -1)
+    means = _all_levels(fine[:, -1].T.reshape(BLENDED, up, across), layout.patches).T
+    coarse = np.broadcast_to(means[up * across :, None], (len(means) - len(fine), *fine.shape[1:]))
+    return _in_rows(np.concatenate([fine, coarse]), across)
 
 
-def _rows(part: Part) -> tuple[NDArray[np.float32], ...]:
-    """The rows that columns 1 to 3 of a part's coefficients name."""
-    return part.texels, part.light, part.view
+def _in_rows(patches: NDArray[np.float32], across: int) -> NDArray[np.float32]:
+    """Patches (n, columns, 4) side by side in rows: (rows, across, columns, 4)."""
+    filled = np.pad(patches, ((0, -len(patches) % across), (0, 0), (0, 0)))
+    return filled.reshape(-1, across, *patches.shape[1:])
 
 
 def _levels(patch: tuple[int, int]) -> tuple[tuple[int, int], ...]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from math import prod
 
 import numpy as np
@@ -30,8 +31,9 @@ Maps = NDArray[np.float32]
 SIZE = 64
 """Texels along a direction map: rows are smooth between measured directions, and maps filtered."""
 
-_IMAGES_ERROR = 1e-4
-"""Of means and deviations, against their largest."""
+_IMAGES_ERROR = 1e-3
+"""Root mean square of what means and deviations lack, against their largest: files' half floats are
+off by a fifth of that."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,8 @@ class Part:
     """One of Y, U and V; all float32.
 
     coefficients (count, patches up, patches across, 4): value, and the rows of texels, light and
-                 view that it multiplies; of each patch the largest first, then zeros
+                 view that it multiplies; of each patch those of the channel's mean, if it has one
+                 of its own, then the largest first, then zeros
     texels       (rows, patch height, patch width): products of columns of the y and x matrices
     light, view  (rows, N, N): columns of their matrices by parabolic texel, row = y
     """
@@ -123,48 +126,21 @@ def tables_at(
     size = len(lights)
     by_light = weights(model.ensemble.light, lights.reshape(-1, 3), kernel)
     by_view = by_light
-    if lights is not views or not np.array_equal(model.ensemble.view, model.ensemble.light):
+    if views is not lights or not np.array_equal(model.ensemble.view, model.ensemble.light):
         by_view = weights(model.ensemble.view, views.reshape(-1, 3), kernel)
 
     def maps(by: NDArray[np.float32], columns: NDArray[np.floating]) -> Maps:
         return np.ascontiguousarray((by @ columns).T, np.float32).reshape(-1, size, size)
 
-    tall, wide = model.ensemble.patch
-    parts = {}
-    for key in CHANNELS:
-        codes, (ys, xs, lights, views) = _channel(model, key)
-        sizes = [own.shape[2] for own in (ys, xs, lights, views)]
-        places = np.unravel_index(codes.positions, sizes)
-        member = codes.members[None]
-        numbers = (places[0] * sizes[1] + places[1], places[2], places[3])
-        counts = (sizes[0] * sizes[1], sizes[2], sizes[3])
-        used = [
-            _Used.of(member * count + number, codes.values != 0, count)
-            for number, count in zip(numbers, counts, strict=True)
-        ]
-        texels = [
-            np.outer(ys[k][:, a // sizes[1]], xs[k][:, a % sizes[1]]) for k, a in used[0].atoms
-        ]
-        coefficients = np.empty((*codes.values.shape, 4), np.float32)
-        coefficients[..., 0] = codes.values
-        for column, one in enumerate(used, 1):
-            coefficients[..., column] = one.rows
-        across = -(-model.width // wide)
-        parts[key] = Part(
-            coefficients=np.ascontiguousarray(
-                coefficients.reshape(len(coefficients), -1, across, 4)
-            ),
-            texels=np.array(texels, np.float32).reshape(-1, tall, wide),
-            light=maps(by_light, np.stack([lights[k][:, a] for k, a in used[1].atoms], 1)),
-            view=maps(by_view, np.stack([views[k][:, a] for k, a in used[2].atoms], 1)),
-        )
+    mean, more = means_apart(model)
+    parts = {
+        key: _part(model, key, table, partial(maps, by_light), partial(maps, by_view))
+        for key, table in zip(CHANNELS, more, strict=True)
+    }
     images = []
-    for table in (model.normalised.mean, model.normalised.deviation):
-        left, singular, right = np.linalg.svd(table.astype(np.float64), full_matrices=False)
-        count = max(1, int(np.sum(singular > _IMAGES_ERROR * np.abs(table).max())))
-        light = maps(by_light, left[:, :count] * singular[:count])
-        view = maps(by_view, right[:count].T)
-        images.append(Product(*(_quads_of(own) for own in (light, view))))
+    for table in (mean, model.normalised.deviation):
+        light, view = _products(table)
+        images.append(Product(_quads_of(maps(by_light, light)), _quads_of(maps(by_view, view))))
     return SparseTables(
         parts=parts,
         mean=images[0],
@@ -173,6 +149,78 @@ def tables_at(
         offset=model.normalised.offset,
         height=model.height,
         width=model.width,
+    )
+
+
+def means_apart(model: SparseBtf) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The images' mean (light, view), and what more each channel has, normalised: (3, light, view).
+
+    The authors have one mean of all channels. Where each has its own it is a part of its sum: a few
+    coefficients that all patches share.
+    """
+    means = np.moveaxis(model.normalised.mean, -1, 0)
+    common = means[1] if np.array_equal(means[1], means[2]) else np.zeros_like(means[1])
+    return common, (means - common) / model.normalised.deviation
+
+
+def _products(
+    table: NDArray[np.floating],
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Columns (light, n) and (view, n) whose products' sum is a table (light, view)."""
+    left, singular, right = np.linalg.svd(table.astype(np.float64), full_matrices=False)
+    allowed = table.size * (_IMAGES_ERROR * np.abs(table).max(initial=0.0)) ** 2
+    left_out = np.cumsum(singular[::-1] ** 2)[::-1]  # from each one on
+    count = max(1, int(np.sum(left_out > allowed)))
+    root = np.sqrt(singular[:count])
+    return left[:, :count] * root, right[:count].T * root
+
+
+def _part(
+    model: SparseBtf,
+    key: str,
+    mean: NDArray[np.float32],
+    light_maps: Callable[[NDArray[np.floating]], Maps],
+    view_maps: Callable[[NDArray[np.floating]], Maps],
+) -> Part:
+    """One channel: what is coded, after its mean where that is not the images'."""
+    codes, (ys, xs, lights, views) = _channel(model, key)
+    sizes = [own.shape[2] for own in (ys, xs, lights, views)]
+    places = np.unravel_index(codes.positions, sizes)
+    member = codes.members[None]
+    numbers = (places[0] * sizes[1] + places[1], places[2], places[3])
+    counts = (sizes[0] * sizes[1], sizes[2], sizes[3])
+    used = [
+        _Used.of(member * count + number, codes.values != 0, count)
+        for number, count in zip(numbers, counts, strict=True)
+    ]
+    texels = [
+        np.outer(ys[k][:, a // sizes[1]], xs[k][:, a % sizes[1]]).ravel() for k, a in used[0].atoms
+    ]
+    columns = [
+        np.stack([own[k][:, a] for k, a in one.atoms], 1)
+        for own, one in ((lights, used[1]), (views, used[2]))
+    ]
+    coefficients = np.empty((*codes.values.shape, 4), np.float32)
+    coefficients[..., 0] = codes.values
+    for column, one in enumerate(used, 1):
+        coefficients[..., column] = one.rows
+    if mean.any():
+        of_mean = _products(mean)
+        first = [len(texels), *(own.shape[1] for own in columns)]
+        count = of_mean[0].shape[1]
+        before = np.empty((count, coefficients.shape[1], 4), np.float32)
+        before[:] = (1.0, *first)
+        before[..., 2:] += np.arange(count)[:, None, None]
+        texels.append(np.ones(len(texels[0])))
+        columns = [np.hstack(both) for both in zip(columns, of_mean, strict=True)]
+        coefficients = np.concatenate([before, coefficients])
+    tall, wide = model.ensemble.patch
+    across = -(-model.width // wide)
+    return Part(
+        coefficients=coefficients.reshape(len(coefficients), -1, across, 4),
+        texels=np.array(texels, np.float32).reshape(-1, tall, wide),
+        light=light_maps(columns[0]),
+        view=view_maps(columns[1]),
     )
 
 

@@ -41,7 +41,6 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..models.exr import check_destination
     from ..models.sparse.blending import bake, blend
     from ..models.sparse.files import load_sparse, save_sparse
-    from ..models.sparse.model import sparsity_of
     from .info import describe_sparse
 
     check_destination(options.model)
@@ -55,12 +54,9 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         mix = blend(models, [1.0 - of_b, of_b])
     except NacreError as error:
         raise NacreError(f"{options.a} and {options.b}: {error}") from error
-    keys, patch = tuple(models[0].codes), models[0].ensemble.patch
-    sparsity = None
+    sparsity = options.quality
     if options.sparsity:
-        sparsity = sparsity_parts(options.sparsity, keys)
-    elif options.quality:
-        sparsity = sparsity_of(options.quality, keys, patch)
+        sparsity = sparsity_parts(options.sparsity, tuple(models[0].codes))
     model = bake(mix, sparsity, threads=options.threads, progress=progress)
     save_sparse(model, options.model)
     return describe_sparse(model, options.model)

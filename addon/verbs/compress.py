@@ -134,7 +134,6 @@ def _sparse(dataset: Dataset, options: argparse.Namespace, progress: Progress) -
     from ..models.sparse.coding import code
     from ..models.sparse.ensemble import choose
     from ..models.sparse.files import load_ensemble, save_sparse
-    from ..models.sparse.model import sparsity_of
     from .info import describe_sparse
 
     for name in ("target_db", "target_mb", *_BY_HAND, "global_modes"):
@@ -143,10 +142,9 @@ def _sparse(dataset: Dataset, options: argparse.Namespace, progress: Progress) -
     if not options.ensemble:
         raise NacreError("sparse codes need dictionaries: give --ensemble FILE, made by `train`")
     ensemble = choose({str(path): load_ensemble(path) for path in options.ensemble}, dataset)
-    keys = tuple(ensemble.dictionaries)
-    sparsity = sparsity_of(_SPARSE_QUALITY, keys, ensemble.patch)
+    sparsity: dict[str, int] | int = _SPARSE_QUALITY
     if options.sparsity:
-        sparsity = sparsity_parts(options.sparsity, keys)
+        sparsity = sparsity_parts(options.sparsity, tuple(ensemble.dictionaries))
     model = code(
         dataset,
         ensemble,

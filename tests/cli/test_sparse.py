@@ -84,7 +84,7 @@ def test_decode_at_qualities_and_directions(run, folder):
     images = ["--directions", "some.csv", "--interpolation", "image"]
     assert run("decode", "m.exr", "i.nacre", *images)[0] == 0
     assert run("decode", "m.exr", "d.nacre", *images[:2])[0] == 0
-    assert 5 < run("compare", "i.nacre", "d.nacre")[1]["snr_db"] < 40  # near, and not the same
+    assert 5 < run("compare", "i.nacre", "d.nacre")[1]["snr_db"] < 60  # near, and not the same
 
 
 def test_a_cut_file_is_named_by_its_quality(run, folder):

@@ -21,7 +21,7 @@ def smooth(directions: np.ndarray, count: int, seed: int) -> np.ndarray:
     return whole
 
 
-def model_of(parts: str = "", seed: int = 0) -> SparseBtf:
+def model_of(parts: str = "", seed: int = 0, own_means: bool = True) -> SparseBtf:
     """10 x 9 texels in patches of 4 x 4, two dictionaries; coefficients only on smooth atoms."""
     random = np.random.default_rng(seed)
     light, view = uniform(40), ubo_81()
@@ -51,13 +51,18 @@ def model_of(parts: str = "", seed: int = 0) -> SparseBtf:
             values.astype(np.float32),
             random.integers(0, 2, patches).astype(np.uint32),
         )
-    mean = -1.5 + np.outer(light[:, 2], view[:, 2]) + 0.3 * np.outer(light[:, 0], view[:, 1])
-    deviation = 0.4 + 0.2 * np.outer(light[:, 2], view[:, 2])
+    mean = 1.5 + np.outer(light[:, 2], view[:, 2]) + 0.3 * np.outer(light[:, 0], view[:, 1])
+    if own_means:
+        means = np.stack([mean, 0.1 * mean, 0.2 - 0.1 * mean], -1)
+        deviation = np.ones_like(mean)
+    else:  # one of all channels, and a deviation, as the authors have them
+        means = np.repeat(0.3 * mean[..., None], 3, -1)
+        deviation = 0.4 + 0.2 * np.outer(light[:, 2], view[:, 2])
     return SparseBtf(
         height=10,
         width=9,
-        ensemble=Ensemble((tall, wide), light, view, dictionaries, 0.01),
-        normalised=Normalisation(mean.astype(np.float32), deviation.astype(np.float32), 0.01),
+        ensemble=Ensemble((tall, wide), light, view, dictionaries, 0.1),
+        normalised=Normalisation(means.astype(np.float32), deviation.astype(np.float32), 0.1),
         codes=codes,
         dataset={
             "light": light.tolist(),

@@ -79,8 +79,23 @@ def sparse_tables(seed: int = 0, offset: float = 0.01) -> SparseTables:
             light=maps(lights),
             view=maps(views),
         )
+    parts["Y"] = brightened(parts["Y"], 7.0)
     return SparseTables(
-        parts, product(-1.2), product(0.5), lowest=0.3, offset=offset, height=10, width=9
+        parts, product(-0.4), product(0.5), lowest=0.3, offset=offset, height=10, width=9
+    )
+
+
+def brightened(part: Part, constant: float) -> Part:
+    """A part with a coefficient more, of the same value everywhere: what keeps colours above 0."""
+    first = np.empty_like(part.coefficients[:1])
+    first[:] = (constant, len(part.texels), len(part.light), len(part.view))
+
+    def with_ones(rows: np.ndarray) -> np.ndarray:
+        return np.concatenate([rows, np.ones_like(rows[:1])])
+
+    return Part(
+        np.concatenate([first, part.coefficients]),
+        *(with_ones(rows) for rows in (part.texels, part.light, part.view)),
     )
 
 
@@ -293,12 +308,11 @@ def test_holes_are_in_both_outputs(later: bool, make_model: Callable) -> None:
 
 
 def mixed(one: SparseTables, other: SparseTables, light: tuple, view: tuple, mix) -> np.ndarray:
-    """The patch of mixed logarithms (Eq. 7); without offset, they are those of the colours."""
+    """The patch of mixed logarithms (Eq. 7)."""
     logarithms = [
         np.log(
-            evaluate_sparse_patch(
-                replace(own, offset=0.0, lowest=0.01), unit(light)[None], unit(view)[None]
-            )[0]
+            evaluate_sparse_patch(replace(own, lowest=0.01), unit(light)[None], unit(view)[None])[0]
+            + own.offset
         )
         for own in (one, other)
     ]

@@ -16,7 +16,7 @@ import addon
 from addon.datasets.directions import spherical_to_unit
 from addon.errors import NacreError
 from addon.models.sparse.files import save_sparse
-from addon.nodes.material import material_from_tables
+from addon.nodes.material import material_from_tables, set_blended
 from addon.preview import textures
 from addon.preview.appearance import Appearance, appearance_of, tables_of
 from addon.preview.flat import FlatEvaluator
@@ -66,7 +66,7 @@ def test_patch_is_that_of_the_cpu(tables):
 def test_magnified_and_across_the_seam():
     """The nearest texel, from outside the material."""
     tables = random_sparse_tables()
-    width, height, offset = 37, 41, (-1.3, 0.2)
+    width, height, offset = 37, 41, (-1.313, 0.2071)
     y, x = np.mgrid[:height, :width]
     uv = np.stack([(x + 0.5) / width + offset[0], (y + 0.5) / height + offset[1]], -1)
     light, view = directions(PAIRS[1])
@@ -97,7 +97,7 @@ def test_light_fades_below_the_lowest_measured_one():
 
 
 def test_models_of_about_one_size_share_a_shader():
-    shapes = [constants(laid_out(random_sparse_tables(seed=seed))) for seed in (0, 1)]
+    shapes = [constants(laid_out(random_sparse_tables(rows=(9, 4, 9), seed=n))) for n in (0, 1)]
     assert shapes[0] == shapes[1]
     assert shapes[0] != constants(laid_out(random_sparse_tables(texels=(16, 20))))
 
@@ -109,8 +109,8 @@ def test_fetches_are_those_of_coefficients_and_listed_quads(suns):
     layout = laid_out(tables)
     heads = layout.lists[0, 0, :6]
     coefficients, quads = heads[::2, 1].sum(), heads[1::2, :3].sum(0)  # of texels, light, view
-    once = 6 + coefficients + 2 * (quads[0] + quads[2])  # heads; each quad's number, and itself
-    each = 6 + 2 * quads[1]
+    # Heads, each quad's number, and quads; those of light rows for each light.
+    once, each = 6 + coefficients + 2 * (quads[0] + quads[2]) + quads[1], quads[1]
     images = sum(layout.images[0])
     screen = Screen(layout, (8, 8), suns)
     counted = screen.pixels(screen.counted())
@@ -141,18 +141,32 @@ def test_bytes_are_those_of_the_textures():
     assert textures.upload(layout).bytes == expected
 
 
-def test_far_away_every_pixel_is_the_mean_of_the_logarithms():
-    """Of the patch, whatever the offset, and also where the material repeats."""
-    # A small offset: nothing is clamped.
-    tables = replace(random_sparse_tables(texels=(8, 8), patch=(8, 8)), offset=1e-6)
+@pytest.mark.parametrize("patches", [(1, 1), (2, 2), (3, 5)])
+def test_far_away_every_pixel_is_the_mean_of_the_logarithms(patches):
+    """Of all patches, whatever the offset, and also where the material repeats: as exact as the
+    coefficients have room for all products of light and view rows."""
+    texels = tuple(8 * count for count in patches)
+    tables = random_sparse_tables((40, 30, 30), (6, 3, 4), patch=(8, 8), texels=texels)
     light, view = directions(PAIRS[1])
     whole = evaluate_sparse_patch(tables, light, view)[0]
     assert whole.min() > 0.0
-    logarithms = np.log(whole + tables.offset).mean((0, 1))
-    expected = np.exp(logarithms) - tables.offset
+    logarithms = np.log1p(whole / tables.offset)
+    blocks = logarithms.reshape(patches[0], 8, patches[1], 8, 3).mean((1, 3))
+    expected = np.expm1(blocks.mean((0, 1))) * tables.offset
+    evaluator = FlatEvaluator(tables)
     for offset in ((0.0, 0.0), (0.37, -0.21)):
-        seen = FlatEvaluator(tables).picture(light[0], view[0], (8, 8), 96.0, offset)
+        seen = evaluator.picture(light[0], view[0], (8, 8), 96.0, offset)
         np.testing.assert_allclose(seen, np.broadcast_to(expected, seen.shape), rtol=1e-2)
+
+
+def test_pixels_larger_than_patches_show_their_means():
+    """Of 2 x 2 patches each, in their places."""
+    tables = random_sparse_tables((40, 30, 30), (6, 3, 4), patch=(4, 4), texels=(16, 32))
+    light, view = directions(PAIRS[1])
+    logarithms = np.log1p(evaluate_sparse_patch(tables, light, view)[0] / tables.offset)
+    expected = np.expm1(logarithms.reshape(2, 8, 4, 8, 3).mean((1, 3))) * tables.offset
+    seen = FlatEvaluator(tables).picture(light[0], view[0], (4, 2))
+    assert relative(seen, expected) < 5e-3
 
 
 def test_levels_are_mixed_without_a_jump():
@@ -163,7 +177,7 @@ def test_levels_are_mixed_without_a_jump():
 
     def contrast(repeats: float) -> float:
         seen = evaluator.picture(light[0], view[0], (64, 64), repeats, (0.013, 0.021))
-        return np.log(seen + tables.offset).std((0, 1)).mean()
+        return np.log1p(seen / tables.offset).std((0, 1)).mean()
 
     for whole in (4.0, 8.0, 16.0):  # 64 pixels and 16 texels: 4 repeats are the finest level
         assert contrast(1.003 * whole) == pytest.approx(contrast(0.997 * whole), rel=0.1)
@@ -184,13 +198,13 @@ def test_a_map_that_only_repeats_changes_nothing():
 
 def logarithm(tables, pair):
     light, view = directions(pair)
-    return np.log(evaluate_sparse_patch(tables, light, view)[0] + tables.offset)
+    return np.log1p(evaluate_sparse_patch(tables, light, view)[0] / tables.offset)
 
 
 def test_a_blend_is_the_sum_of_logarithms_by_weight():
     """Two and three materials of other rows, means and deviations; weights change live."""
     materials = [
-        replace(random_sparse_tables(rows=rows, seed=seed), offset=1e-6)
+        random_sparse_tables(rows=rows, seed=seed)
         for seed, rows in enumerate([(11, 9, 14), (7, 13, 5), (20, 4, 9)])
     ]
     for several in (materials[:2], materials):
@@ -202,11 +216,11 @@ def test_a_blend_is_the_sum_of_logarithms_by_weight():
             )
             light, view = directions(PAIRS[1])
             seen = evaluator.picture(light[0], view[0])
-            assert relative(seen, np.exp(mixed) - 1e-6) < 5e-3
+            assert relative(seen, np.expm1(mixed) * several[0].offset) < 5e-3
 
 
 def test_a_mask_has_weights_for_every_texel():
-    materials = [replace(random_sparse_tables(seed=seed), offset=1e-6) for seed in (0, 1)]
+    materials = [random_sparse_tables(seed=seed) for seed in (0, 1)]
     mask = np.random.default_rng(2).random((12, 20))
     masks = np.stack([mask, 1.0 - mask])
     evaluator = FlatEvaluator(*materials, weights=(1.0, 1.0), masks=masks)
@@ -214,10 +228,14 @@ def test_a_mask_has_weights_for_every_texel():
     mixed = sum(
         own[..., None] * logarithm(one, PAIRS[1]) for own, one in zip(masks, materials, strict=True)
     )
-    expected = np.exp(mixed) - 1e-6
+    expected = np.expm1(mixed) * materials[0].offset
     assert relative(evaluator.picture(light[0], view[0]), expected) < 5e-3
     with pytest.raises(NacreError, match="20 x 12 for 2"):
         FlatEvaluator(*materials, weights=(1.0, 1.0), masks=masks[:, :-1])
+    far = evaluator.picture(light[0], view[0], (4, 4), 400.0)
+    alone = [FlatEvaluator(one).picture(light[0], view[0], (4, 4), 400.0) for one in materials]
+    half = np.exp(sum(0.5 * np.log(own) for own in alone))  # the mask's mean is about a half
+    assert relative(far, half) < 0.1
 
 
 def test_a_material_shows_what_its_nodes_hold():
@@ -236,6 +254,29 @@ def test_a_material_shows_what_its_nodes_hold():
         )
 
 
+def test_a_material_shows_the_blend_that_its_nodes_hold():
+    """By its input Mix, which is live; what cannot be mixed here is told."""
+    tables, second = (random_sparse_tables(size=16, seed=seed) for seed in (0, 1))
+    addon.register()
+    try:
+        material = material_from_tables(tables, "Sparse")
+        set_blended(material, second)
+        node = next(n for n in material.node_tree.nodes if "Mix" in n.inputs)
+        node.inputs["Mix"].default_value = 0.25
+        before = appearance_of(material)
+        node.inputs["Mix"].default_value = 1.0
+        after = appearance_of(material)
+        set_blended(material, random_sparse_tables(size=16, texels=(16, 20)))
+        unlike = appearance_of(material)
+    finally:
+        addon.unregister()
+    assert (before.weights, after.weights) == ((0.75, 0.25), (0.0, 1.0))
+    assert before.btf is after.btf
+    assert constants(before.btf) == constants(laid_out(tables, second))
+    assert unlike.weights == () and constants(unlike.btf) == constants(laid_out(tables))
+    assert "Sparse: shown unmixed" in unlike.message and "height 16, not 12" in unlike.message
+
+
 def test_a_model_file_is_shown(tmp_path):
     """What the nodes' images need not hold: the engine reads the file."""
     model = model_of()
@@ -243,7 +284,8 @@ def test_a_model_file_is_shown(tmp_path):
     shown, message = tables_of(str(tmp_path / "model.exr"))
     assert not message
     expected = laid_out(build_sparse_tables(model))
-    np.testing.assert_allclose(shown.coefficients, expected.coefficients, rtol=1e-3, atol=1e-3)
+    assert (shown.patches, shown.levels) == (expected.patches, expected.levels)
+    assert shown.offset == expected.offset
 
 
 def test_what_does_not_go_together_is_refused():

@@ -18,9 +18,9 @@ LIGHTS = spherical_to_unit(np.array([8.0, 25, 42, 61]), np.array([10.0, 130, 250
 VIEWS = spherical_to_unit(np.array([5.0, 33, 50, 58]), np.array([77.0, 200, 15, 290]))
 
 
-@pytest.mark.parametrize("parts", ["", "YUV"])
-def test_tables_have_the_model_between_its_directions(parts: str) -> None:
-    model = model_of(parts)
+@pytest.mark.parametrize(("parts", "own_means"), [("", True), ("YUV", True), ("", False)])
+def test_tables_have_the_model_between_its_directions(parts: str, own_means: bool) -> None:
+    model = model_of(parts, own_means=own_means)
     wanted = at_directions(model, LIGHTS, VIEWS)
     expected = np.stack([wanted.decode(slice(i, i + 1), slice(i, i + 1))[0, 0] for i in range(4)])
     found = evaluate_sparse_patch(build_sparse_tables(model), LIGHTS, VIEWS)
@@ -55,4 +55,4 @@ def test_rows_are_those_that_are_used() -> None:
         for number, table in enumerate((part.texels, part.light, part.view)):
             own = rows[..., number][part.coefficients[..., 0] != 0]
             assert set(range(len(table))) == set(own.ravel())
-    assert tables.fetches["coefficients"] == 36
+    assert build_sparse_tables(model_of(own_means=False)).fetches["coefficients"] == 36

@@ -3,6 +3,7 @@
 import shutil
 import threading
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import bpy
@@ -20,10 +21,11 @@ from addon.models.sparse.model import sparsity_of
 from addon.models.sparse.training import train
 from addon.nodes.material import FINAL_NODE, group_of, groups_of
 from addon.nodes.packed_tables import stored, unpack
+from addon.nodes.sparse_blend import blended_with
 from addon.tables.any_tables import build_any_tables
 
 SHAPE = (6, 7, 16, 20, 3)
-BEST = 150
+BEST = 100
 
 
 @pytest.fixture(scope="module")
@@ -53,14 +55,17 @@ def material(scene, path):
     return item.active_material
 
 
-def shown(group):
-    """The coefficients that a node group holds, of each part."""
-    tables = unpack(stored(group))
+def counts(tables):
+    """The coefficients in tables, of each part."""
     return {key: len(part.coefficients) for key, part in tables.parts.items()}
 
 
+def shown(group):
+    return counts(unpack(stored(group)))
+
+
 def expected(path, quality):
-    return load_any(path).truncated(quality).sparsity
+    return counts(build_any_tables(load_any(path).truncated(quality)))
 
 
 def test_a_new_material_has_the_files_quality(scene, material, path):
@@ -107,6 +112,27 @@ def test_final_renders_have_a_quality_of_their_own(material, path):
     assert bpy.ops.nacre.update_material() == {"FINISHED"}
     assert shown(material.node_tree.nodes[FINAL_NODE].node_tree) == expected(path, BEST)
     assert "final_quality" not in draw(panels.active_material.NACRE_PT_active_material)
+
+
+def test_what_is_mixed_with_it_has_the_same_quality(material, path, tmp_path):
+    other = load_any(path)
+    turned = {key: replace(own, values=-own.values) for key, own in other.codes.items()}
+    save_sparse(replace(other, codes=turned), tmp_path / "other.exr")
+    material.nacre.quality = 4
+    material.nacre.blended = str(tmp_path / "other.exr")
+    assert bpy.ops.nacre.update_material() == {"FINISHED"}
+    for quality in (4, 16):
+        material.nacre.quality = quality
+        group = group_of(material)
+        assert shown(group) == expected(path, quality)
+        assert counts(unpack(blended_with(group))) == expected(path, quality)
+    material.nacre.final_quality = 32
+    final = groups_of(material)[1]
+    assert shown(final) == expected(path, 32) and blended_with(final) is not None
+    material.nacre.blended = ""
+    assert bpy.ops.nacre.update_material() == {"FINISHED"}
+    material.nacre.quality = 8
+    assert blended_with(group_of(material)) is None
 
 
 def test_a_model_of_tensors_has_no_slider(material, tmp_path):

@@ -56,6 +56,7 @@ def load_authors_ensemble(folder: Path) -> Ensemble:
         view=directions,
         dictionaries=dictionaries,
         offset=OFFSET,
+        by_deviation=True,
         training={"by": "Kavoosighafi et al. 2023", "sparsity": {"Y": 256, "U": 32, "V": 32}},
     )
 
@@ -94,7 +95,9 @@ def load_authors_normalisation(path: Path) -> Normalisation:
     """Means and deviations of a material's images."""
     both = _read(path, "<f8", 2 * ANGLES * ANGLES).reshape(2, ANGLES, ANGLES)
     mean, deviation = both.transpose(0, 2, 1).astype(np.float32)  # they have the view first
-    return Normalisation(mean, deviation, OFFSET)
+    # Theirs is of log(RGB + offset): of a constant more in Y.
+    shift = np.array([np.log(OFFSET), 0.0, 0.0], np.float32)
+    return Normalisation(mean[..., None] - shift, deviation, OFFSET)
 
 
 def _read(path: Path, kind: DTypeLike, count: int) -> NDArray[np.floating]:

@@ -1,8 +1,8 @@
 """Blends of sparse models of the same directions, texels and patches (SparseBTF, Section 3.5).
 
-Mixed are the logarithms, Y, U and V of log(RGB + offset), so that a blend is between its materials
-as geometric means are: RGB + offset is the weighted geometric mean of theirs, in every channel, and
-half-way between white and a black of the offset is not half as bright.
+Mixed are the logarithms, Y, U and V of log(1 + RGB / offset), so that a blend is between its
+materials as geometric means are: RGB + offset is the weighted geometric mean of theirs, in every
+channel. With an offset far above the values that is nearly the mean of the values.
 
 The paper's Eq. 7 mixes normalised coefficients and does not say what becomes of the means and
 deviations of the images, which differ between materials. Here each sum of coefficients is taken
@@ -14,12 +14,13 @@ which is linear: it is what the same mix of the decoded logarithms is (`Blend`).
 
 `bake` writes Z as the codes of one model. Z is normalised anew, by mean M and deviation D of each
 image, and (Z - M) / D expressed in a dictionary U_k, for which the images of S_i are scaled by
-g_i = w_i d_i / D. So in Eq. 9, whose matrices R = U_k^T U_p of each mode take coefficients from a
-dictionary p to k, there stands between U_k^T and U_p a multiplication by g_i(light, view), and by
-the mask in the spatial modes, if there is one. Where all deviations are proportional and weights
-are numbers that is a factor, and the result Eqs. 8 and 9. It is exact; what is lost is lost by
-keeping the largest coefficients only. Eq. 8 takes the first material's dictionary: here a patch
-has the one, of all that the materials have, that keeps most.
+g_i = w_i d_i / D. In Eq. 9, matrices R = U_k^T U_p of each mode take coefficients from a dictionary
+p to k. Where deviations are alike, as where nothing is divided by any, and weights are numbers, g_i
+is a number and the result that of Eqs. 8 and 9. The authors' deviations differ between images:
+there, and in the spatial modes of a mask, g_i stands between U_k^T and U_p, and no R is formed. It
+is exact all the same; what is lost is lost by keeping the largest coefficients only. Eq. 8 takes
+the first material's dictionary: here a patch has the one, of all that the materials have, that
+keeps most.
 """
 
 from __future__ import annotations
@@ -38,9 +39,9 @@ from ...errors import Cancelled, NacreError
 from ..clustered_tucker import Part
 from .coding import measure_against
 from .ensemble import Ensemble
-from .model import Codes, SparseBtf, quality_of
+from .model import Codes, SparseBtf, quality_of, room_of
 from .patches import BLOCK, channels_of, indices_inside, tiling
-from .transform import CHANNELS, Normalisation, to_linear_rgb
+from .transform import Normalisation, to_linear_rgb
 
 _SUM = 1e-3  # by which weights may miss a sum of 1
 
@@ -118,18 +119,19 @@ def blend(models: Sequence[SparseBtf], weights: Sequence[Weight]) -> Blend:
 
 def bake(
     mix: Blend,
-    sparsity: Mapping[str, int] | None = None,
+    sparsity: Mapping[str, int] | int | None = None,
     *,
     threads: int = 0,
     progress: Callable[[float, str], bool] | None = None,
 ) -> SparseBtf:
     """One model of a blend: Eqs. 8 and 9, and the largest `sparsity` coefficients of each patch; by
-    default as many as the material has that has most.
+    default as many as the material has that has most. Of a quality, they are divided among the
+    parts as those.
 
     M is the sum of w_i m_i, with masks' means for weights, and D that of w_i d_i: the deviation
-    that Z has at most, and has where materials go up and down together. So a material alone comes
-    back with its own. What a mask adds by the difference of the materials' means is added in
-    quadrature. D decides only how images count among each other when coefficients are left out.
+    that Z has at most, and has where materials go up and down together; 1 where nothing is divided.
+    So a material alone comes back as it is. D decides only how images count among each other when
+    coefficients are left out.
 
     `fit` says how much of the normalised logarithms' energy was left out (`lost`), and the SNR
     against the unbaked blend in linear values. Raises NacreError for a sparsity that is out of
@@ -139,9 +141,10 @@ def bake(
     shares = [round(float(own.mean()), 6) for own in mix.weights]
     mix = _used(mix)
     first = mix.models[0]
-    if sparsity is None:
-        sparsity = _most([model.sparsity for model in mix.models if _same_parts(model, first)])
-    ensemble = _joined([model.ensemble for model in mix.models if _same_parts(model, first)])
+    alike = [model for model in mix.models if _same_parts(model, first)]
+    ensemble = _joined([model.ensemble for model in alike])
+    if not isinstance(sparsity, Mapping):
+        sparsity = _most([model.sparsity for model in alike], sparsity, ensemble)
     for key, count in sparsity.items():
         most = prod(ensemble.shape(key))
         if not 1 <= count <= most:
@@ -175,7 +178,7 @@ def bake(
         width=first.width,
         ensemble=ensemble,
         normalised=normalised,
-        codes=codes,
+        codes={key: own.rounded() for key, own in codes.items()},
         dataset=_described(mix),
         quality=quality_of(sparsity, ensemble.patch),
     )
@@ -223,8 +226,19 @@ def _same_parts(model: SparseBtf, first: SparseBtf) -> bool:
     return [*model.codes] == [*first.codes]
 
 
-def _most(sparsities: Sequence[Mapping[str, int]]) -> dict[str, int]:
-    return {key: max(own[key] for own in sparsities) for key in sparsities[0]}
+def _most(
+    sparsities: Sequence[Mapping[str, int]], quality: int | None, ensemble: Ensemble
+) -> dict[str, int]:
+    """The most coefficients of each part in several models; of a quality, in their proportion."""
+    most = {key: max(own[key] for own in sparsities) for key in sparsities[0]}
+    if quality is None:
+        return most
+    room = room_of(quality, tuple(most), ensemble.patch)
+    total = sum(most.values())
+    return {
+        key: min(max(1, room * count // total), prod(ensemble.shape(key)))
+        for key, count in most.items()
+    }
 
 
 def _joined(ensembles: Sequence[Ensemble]) -> Ensemble:
@@ -255,19 +269,15 @@ def _equal(a: Ensemble, b: Ensemble) -> bool:
 
 def _normalisation(mix: Blend) -> Normalisation:
     """M and D of each image (see `bake`)."""
-    weights = mix.weights.reshape(len(mix.models), -1).astype(np.float64)
-    share = weights.mean(1)
-    spread = np.cov(weights, bias=True).reshape(len(share), len(share))
+    share = mix.weights.mean((1, 2), dtype=np.float64)
     means, deviations = (
         np.array([getattr(model.normalised, name) for model in mix.models], np.float64)
         for name in ("mean", "deviation")
     )
-    # Weights below 0 turn an image over: its deviation counts all the same.
-    own = np.einsum("i,ilv->lv", np.abs(share), deviations)
-    between = np.einsum("ilv,ij,jlv->lv", means, spread, means)
     return Normalisation(
-        np.einsum("i,ilv->lv", share, means).astype(np.float32),
-        np.sqrt(own**2 + np.maximum(between, 0.0)).astype(np.float32),
+        np.tensordot(share, means, 1).astype(np.float32),
+        # Weights below 0 turn an image over: its deviation counts all the same.
+        np.tensordot(np.abs(share), deviations, 1).astype(np.float32),
         mix.offset,
     )
 
@@ -279,13 +289,14 @@ def _patches(mix: Blend, normalised: Normalisation) -> Iterator[tuple[slice, NDA
     tall, wide = first.ensemble.patch
     origins = tiling(first.height, first.width, (tall, wide))
     scales = [model.normalised.deviation / normalised.deviation for model in mix.models]
-    means = [model.normalised.mean / normalised.deviation for model in mix.models]
-    mean = normalised.mean / normalised.deviation
-    most = max(1, BLOCK // (tall * wide * mean.size * len(CHANNELS)))
+    by_image = normalised.deviation[..., None]
+    means = [model.normalised.mean / by_image for model in mix.models]
+    mean = normalised.mean / by_image
+    most = max(1, BLOCK // (tall * wide * mean.size))
     for begin in range(0, len(origins), most):
         part = slice(begin, min(begin + most, len(origins)))
-        found = np.empty((part.stop - begin, tall, wide, *mean.shape, len(CHANNELS)), np.float32)
-        found[...] = -mean[..., None]
+        found = np.empty((part.stop - begin, tall, wide, *mean.shape), np.float32)
+        found[...] = -mean
         for patch, (index, (y, x)) in zip(found, enumerate(origins[part], begin), strict=True):
             rows = indices_inside(y, tall, first.height, first.dataset["periodic"])
             columns = indices_inside(x, wide, first.width, first.dataset["periodic"])
@@ -294,7 +305,7 @@ def _patches(mix: Blend, normalised: Normalisation) -> Iterator[tuple[slice, NDA
             ):
                 values = model.normalised_patch(index)
                 values *= scale[..., None]
-                values += level[..., None]
+                values += level
                 values *= own[rows][:, columns][..., None, None, None]
                 patch += values
         yield part, found

@@ -22,6 +22,7 @@ from ..fit import describe
 from .ensemble import Ensemble
 from .model import Codes, SparseBtf, quality_of
 from .patches import BLOCK, channels_of, read_patches, tiling
+from .split import by_quality
 from .transform import Normalisation, normalisation
 
 _PROGRAM = 120_000_000  # bytes that Python, numpy and the dictionaries take
@@ -31,7 +32,7 @@ _MOST_DB = 120.0  # stands for no error at all
 def code(
     dataset: Dataset,
     ensemble: Ensemble,
-    sparsity: Mapping[str, int],
+    sparsity: Mapping[str, int] | int,
     *,
     error: float = 0.0,
     threads: int = 0,
@@ -42,7 +43,8 @@ def code(
 ) -> SparseBtf:
     """Code a dataset.
 
-    sparsity  the most coefficients of each patch, for each part of the ensemble
+    sparsity  the most coefficients of each patch, for each part of the ensemble, or a quality whose
+              coefficients are divided among the parts as the dataset needs (split.by_quality)
     error     the mean squared error of normalised values at which a patch has enough of them
     memory    bytes of anonymous memory to take, but at least for one patch and all codes; 0 for a
               usual block of patches
@@ -56,25 +58,21 @@ def code(
     reason = ensemble.misfit(dataset)
     if reason:
         raise NacreError(f"{dataset.path.name}: the ensemble is not for it: {reason}")
-    for key, count in sparsity.items():
-        most = int(np.prod(ensemble.shape(key)))
-        if not 1 <= count <= most:
-            raise NacreError(f"sparsity {key}={count}: expected 1 to {most}")
-    said = {"sparsity": dict(sparsity), "error": error, "ensemble": _fingerprint(ensemble)}
+    if not isinstance(sparsity, int):
+        _check(sparsity, ensemble)
+    said = {"sparsity": sparsity, "error": error, "ensemble": _fingerprint(ensemble)}
     file = StateFile(state, [said, samples_of(dataset)]) if state else None
     height, width = dataset.sizes["y"], dataset.sizes["x"]
     origins = tiling(height, width, ensemble.patch)
-    codes = {
-        key: Codes(
-            np.zeros((count, len(origins)), np.uint32),
-            np.zeros((count, len(origins)), np.float32),
-            np.zeros(len(origins), np.uint32),
-        )
-        for key, count in sparsity.items()
-    }
-    kept = _restored(file, codes, ensemble.offset) if file and resume else None
+    kept = _restored(file, ensemble.offset) if file and resume else None
     try:
-        normalised, done = kept or (normalisation(dataset, ensemble.offset, progress), 0)
+        if kept:
+            normalised, codes, done = kept
+        else:
+            normalised, done = _normalised(dataset, ensemble, progress), 0
+            if isinstance(sparsity, int):
+                sparsity = by_quality(dataset, ensemble, normalised, sparsity, threads)
+            codes = {key: _empty(count, len(origins)) for key, count in sparsity.items()}
         block = _block(memory, dataset, ensemble.patch, codes) if memory else BLOCK
         for part, patches in read_patches(
             dataset, normalised, ensemble.patch, origins[done:], block
@@ -86,7 +84,7 @@ def code(
                 found = nacre_native.code_patches(
                     channels_of(patches, key),
                     ensemble.dictionaries[key],
-                    sparsity[key],
+                    len(own.values),
                     error=error,
                     threads=threads,
                     progress=_still(progress, 0.8 * part.start / len(origins)),
@@ -107,9 +105,9 @@ def code(
         width=width,
         ensemble=ensemble,
         normalised=normalised,
-        codes=codes,
+        codes={key: own.rounded() for key, own in codes.items()},
         dataset=describe(dataset),
-        quality=quality_of(sparsity, ensemble.patch),
+        quality=quality_of({key: len(own.values) for key, own in codes.items()}, ensemble.patch),
     )
 
     def last(fraction: float, message: str) -> bool:
@@ -120,6 +118,27 @@ def code(
         file.remove()
     seconds = round(time.monotonic() - started, 3)
     return replace(model, fit={"method": "sparse", "snr_db": snr_db, "seconds": seconds})
+
+
+def _check(sparsity: Mapping[str, int], ensemble: Ensemble) -> None:
+    for key, count in sparsity.items():
+        most = int(np.prod(ensemble.shape(key)))
+        if not 1 <= count <= most:
+            raise NacreError(f"sparsity {key}={count}: expected 1 to {most}")
+
+
+def _normalised(
+    dataset: Dataset, ensemble: Ensemble, progress: Callable[[float, str], bool] | None
+) -> Normalisation:
+    return normalisation(dataset, ensemble.offset, ensemble.by_deviation, progress)
+
+
+def _empty(count: int, patches: int) -> Codes:
+    return Codes(
+        np.zeros((count, patches), np.uint32),
+        np.zeros((count, patches), np.float32),
+        np.zeros(patches, np.uint32),
+    )
 
 
 def _still(
@@ -150,24 +169,25 @@ def _state(
         arrays[f"positions_{key}"] = own.positions[:, :done]
         arrays[f"values_{key}"] = own.values[:, :done]
         arrays[f"members_{key}"] = own.members[:done]
-    return arrays, {"done": done}
+    patches = len(next(iter(codes.values())).members)
+    return arrays, {"done": done, "patches": patches, "parts": list(codes)}
 
 
-def _restored(
-    file: StateFile, codes: Mapping[str, Codes], offset: float
-) -> tuple[Normalisation, int] | None:
-    """Put the codes that were kept in their places; the normalisation, and how many there are."""
+def _restored(file: StateFile, offset: float) -> tuple[Normalisation, dict[str, Codes], int] | None:
+    """What was kept: the normalisation, codes of all patches, and of how many they are there."""
     found = file.load()
     if found is None:
         return None
     arrays, rest = found
     try:
-        done = int(rest["done"])
-        for key, own in codes.items():
-            own.positions[:, :done] = arrays[f"positions_{key}"]
-            own.values[:, :done] = arrays[f"values_{key}"]
+        done, codes = int(rest["done"]), {}
+        for key in rest["parts"]:
+            positions, values = arrays[f"positions_{key}"], arrays[f"values_{key}"]
+            codes[key] = own = _empty(len(values), int(rest["patches"]))
+            own.positions[:, :done] = positions
+            own.values[:, :done] = values
             own.members[:done] = arrays[f"members_{key}"]
-        return Normalisation(arrays["mean"], arrays["deviation"], offset), done
+        return Normalisation(arrays["mean"], arrays["deviation"], offset), codes, done
     except (KeyError, ValueError) as error:
         raise file.damaged() from error
 

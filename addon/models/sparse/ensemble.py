@@ -24,6 +24,7 @@ class Ensemble:
     dictionaries  of "Y", "U" and "V", or of "YUV" together: for each mode (K, I, I) float32, atoms
                   are columns; modes are y, x, light, view and, of "YUV", colour
     offset        of the logarithm (sparse.transform)
+    by_deviation  whether images are divided by their deviation, as the authors' are
     training      how it was made: sparsity, objective of each sweep, materials ...
     """
 
@@ -32,6 +33,7 @@ class Ensemble:
     view: NDArray[np.float64]
     dictionaries: Mapping[str, tuple[NDArray[np.float32], ...]]
     offset: float
+    by_deviation: bool = False
     training: Mapping[str, Any] = field(default_factory=dict)
 
     def shape(self, key: str) -> tuple[int, ...]:

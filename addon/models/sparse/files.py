@@ -54,7 +54,7 @@ def save_sparse(model: SparseBtf, path: str | os.PathLike[str]) -> None:
     """Write a model with the ensemble it needs; NacreError when it cannot be written."""
     arrays, axes = _dictionary_arrays(model.ensemble)
     arrays = {"mean": model.normalised.mean, "deviation": model.normalised.deviation, **arrays}
-    axes |= {"mean": ["light", "view"], "deviation": ["light", "view"]}
+    axes |= {"mean": ["light", "view", "channel"], "deviation": ["light", "view"]}
     for key, codes in model.codes.items():
         arrays[f"members_{key}"] = codes.members[None]
         axes[f"members_{key}"] = ["part", "patch"]
@@ -220,6 +220,7 @@ def _describe_ensemble(ensemble: Ensemble) -> dict[str, Any]:
         "view": ensemble.view.tolist(),
         "parts": list(ensemble.dictionaries),
         "offset": ensemble.offset,
+        "by_deviation": ensemble.by_deviation,
         "training": dict(ensemble.training),
     }
 
@@ -250,5 +251,6 @@ def _ensemble(arrays: dict[str, NDArray[Any]], description: dict[str, Any]) -> E
         view=np.array(description["view"], np.float64),
         dictionaries=dictionaries,
         offset=description["offset"],
+        by_deviation=description["by_deviation"],
         training=description["training"],
     )

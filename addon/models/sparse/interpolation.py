@@ -37,7 +37,7 @@ def at_directions(
     by_view = weights(ensemble.view, views, kernel)
 
     def mixed(images: NDArray[np.float32]) -> NDArray[np.float32]:
-        return np.asarray(by_light @ images @ by_view.T, np.float32)
+        return np.einsum("al,bv,lv...->ab...", by_light, by_view, images, optimize=True)
 
     dictionaries = {
         key: (y, x, by_light @ light, by_view @ view, *colour)

@@ -16,8 +16,10 @@ from .ensemble import Ensemble
 from .patches import tiling
 from .transform import CHANNELS, Normalisation, to_linear_rgb
 
-COEFFICIENT_BYTES = 6
-"""A half for the value, four bytes for its position."""
+COEFFICIENT_BYTES = 4
+"""One for the value, which is one of 255 levels (`Codes.rounded`), and three for its position."""
+
+_LEVELS_AN_OCTAVE = 10
 
 PATCH_BYTES = 4
 """The dictionary of a patch in one part of the ensemble."""
@@ -38,6 +40,19 @@ class Codes:
     def first(self, count: int) -> Codes:
         """The `count` most important coefficients of each patch."""
         return replace(self, positions=self.positions[:count], values=self.values[:count])
+
+    def rounded(self) -> Codes:
+        """Values of one byte: zero, or one of 127 magnitudes that fall by a tenth of an octave each
+        from the largest on, with a sign. The error is 35 dB below what the coefficients hold."""
+        magnitude = np.abs(self.values)
+        largest = magnitude.max(initial=0.0)
+        if not largest:
+            return self
+        with np.errstate(divide="ignore"):
+            level = np.rint(-_LEVELS_AN_OCTAVE * np.log2(magnitude / largest))
+        level = np.minimum(level, 126.0)  # the least magnitude is the 127th
+        values = np.copysign(largest * np.exp2(-level / _LEVELS_AN_OCTAVE), self.values)
+        return replace(self, values=np.where(magnitude > 0, values, 0.0).astype(np.float32))
 
 
 @dataclass(frozen=True)
@@ -66,7 +81,7 @@ class SparseBtf:
     @property
     def shape(self) -> tuple[int, ...]:
         """The decoded samples' shape (light, view, y, x, channel)."""
-        lights, views = self.normalised.mean.shape
+        lights, views = self.normalised.deviation.shape
         return (lights, views, self.height, self.width, len(CHANNELS))
 
     @property
@@ -152,7 +167,7 @@ class SparseBtf:
     def normalised_patch(self, index: int) -> NDArray[np.float32]:
         """Normalised Y, U, V of a whole patch, also of what is over the edge: (y, x, light, view,
         3)."""
-        lights, views = self.normalised.mean.shape
+        lights, views = self.normalised.deviation.shape
         sizes = (*self.ensemble.patch, lights, views)
         return self._decode_patch(index, tuple(np.arange(size) for size in sizes))
 
@@ -198,11 +213,16 @@ def quality_of(sparsity: Mapping[str, int], patch: tuple[int, int]) -> int:
     return -(-size // (2 * prod(patch)))
 
 
+def room_of(quality: int, keys: tuple[str, ...], patch: tuple[int, int]) -> int:
+    """How many coefficients of a patch take at most 2 N bytes a texel, all parts together."""
+    return max(
+        len(keys), (2 * quality * prod(patch) - PATCH_BYTES * len(keys)) // COEFFICIENT_BYTES
+    )
+
+
 def sparsity_of(quality: int, keys: tuple[str, ...], patch: tuple[int, int]) -> dict[str, int]:
-    """The coefficients that take at most 2 N bytes a texel: eight for Y to one each for U and V,
-    the paper's proportion."""
-    room = (2 * quality * prod(patch) - PATCH_BYTES * len(keys)) / COEFFICIENT_BYTES
+    """The coefficients that take at most 2 N bytes a texel in the paper's proportion: eight for Y
+    to one each for U and V. `split.by_quality` has one for each material."""
+    room = room_of(quality, keys, patch)
     weights = {key: 8 if key == "Y" else 1 for key in keys}
-    return {
-        key: max(1, int(room * weight / sum(weights.values()))) for key, weight in weights.items()
-    }
+    return {key: max(1, room * weight // sum(weights.values())) for key, weight in weights.items()}

@@ -44,6 +44,7 @@ def train(
     reassign: int = 1,
     subspace: int = SUBSPACE,
     offset: float = OFFSET,
+    by_deviation: bool = False,
     seed: int = 0,
     threads: int = 0,
     folder: Path | None = None,
@@ -57,6 +58,7 @@ def train(
     reassign   choose each patch's dictionary anew in every so many sweeps: others take less time
     subspace   columns of light and of view that are trained in (sparse.subspace);
                with as many as there are lights and views nothing is left out
+    offset, by_deviation  of the logarithm, and how images are normalised (sparse.transform)
     folder     where the patches lie while they are trained on, as half floats
     state      a folder that keeps the state after each sweep, removed when the training ends
     resume     go on from `state`, if it is there, to the bits of a training without a break
@@ -71,6 +73,7 @@ def train(
         "reassign": reassign,
         "subspace": subspace,
         "offset": offset,
+        "by_deviation": by_deviation,
         "seed": seed,
         "materials": [dataset.path.stem for dataset in datasets],
     }
@@ -84,7 +87,9 @@ def train(
     shares = len(sparsity)
     with tempfile.TemporaryDirectory(prefix=".patches-", dir=folder) as scratch:
         report = _part_of(progress, 0.0, 0.1)
-        files = _write_patches(datasets, chosen, patch, tuple(sparsity), offset, scratch, report)
+        files = _write_patches(
+            datasets, chosen, patch, tuple(sparsity), offset, by_deviation, scratch, report
+        )
         for number, (key, count) in enumerate(sparsity.items()):
             report = _part_of(
                 progress, 0.1 + 0.9 * number / shares, 0.1 + 0.9 * (number + 1) / shares
@@ -125,6 +130,7 @@ def train(
         view=datasets[0].view,
         dictionaries=found,
         offset=offset,
+        by_deviation=by_deviation,
         training={
             **settings,
             "patches": sum(len(origins) for origins in chosen),
@@ -209,6 +215,7 @@ def _write_patches(
     patch: tuple[int, int],
     keys: tuple[str, ...],
     offset: float,
+    by_deviation: bool,
     scratch: str,
     progress: Callable[[float, str], bool],
 ) -> dict[str, Path]:
@@ -223,7 +230,7 @@ def _write_patches(
             stored[key] = np.lib.format.open_memmap(path, "w+", np.float16, shape)
         first = 0
         for dataset, origins in zip(datasets, chosen, strict=True):
-            normalised = normalisation(dataset, offset)
+            normalised = normalisation(dataset, offset, by_deviation)
             for part, patches in read_patches(dataset, normalised, patch, origins):
                 if not progress((first + part.start) / total, "Reading patches"):
                     raise Cancelled
