@@ -13,6 +13,7 @@ from small_sparse import model_of
 
 from addon import live
 from addon.errors import NacreError
+from addon.models.sparse import as_tensor
 from addon.nodes.material import (
     MODEL_NODE,
     group_of,
@@ -366,7 +367,9 @@ def test_what_cannot_be_mixed(tables: Tables) -> None:
 
 
 @pytest.mark.skipif(bpy.app.version >= (5, 0), reason="EEVEE loops here")
-def test_a_fit_stands_in_where_eevee_cannot_loop() -> None:
+def test_a_fit_stands_in_where_eevee_cannot_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is much nearer than the average colour is."""
+    monkeypatch.setattr(as_tensor, "QUALITY", "DRAFT")
     model = model_of()
     tables = build_node_tables(model)
     assert tables.stand_in is not None
@@ -376,4 +379,5 @@ def test_a_fit_stands_in_where_eevee_cannot_loop() -> None:
             flat.aim(light, view)
             seen = render_pixels(flat.scene)
             expected = evaluate_sparse_patch(tables, unit(light)[None], unit(view)[None])[0]
-            assert np.abs(seen - expected).mean() < 0.2 * expected.mean()
+            spread = np.abs(expected - expected.mean((0, 1))).mean()
+            assert np.abs(seen - expected).mean() < 0.4 * spread

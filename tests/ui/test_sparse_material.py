@@ -6,6 +6,7 @@ from pieces import add_mesh, draw, fails
 from small_sparse import model_of
 
 from addon import panels
+from addon.models.sparse import as_tensor
 from addon.models.sparse.files import save_sparse
 from addon.nodes.material import MODEL_NODE, group_of
 from addon.nodes.shown import what_is_shown
@@ -23,7 +24,8 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture
-def material(scene, folder):
+def material(scene, folder, monkeypatch):
+    monkeypatch.setattr(as_tensor, "QUALITY", "DRAFT")  # 4.5 fits each model that it shows
     scene.nacre.model = str(folder / "a.exr")
     item = add_mesh(scene, "A")
     bpy.context.view_layer.objects.active = item

@@ -16,13 +16,14 @@ from ..clustered_tucker import ClusteredTucker
 from ..fit import compress, quality_settings
 from .model import SparseBtf
 
+QUALITY = "HIGH"
 _DECODING = 0.7  # of the time
 
 
 def fit_tensor(
     model: SparseBtf, progress: Callable[[float, str], bool] | None = None
 ) -> ClusteredTucker:
-    """K-CTA of high quality of what a sparse model decodes to.
+    """K-CTA of QUALITY of what a sparse model decodes to.
 
     Samples go to a temporary file. Raises NacreError when there is no room, Cancelled on request.
     """
@@ -46,7 +47,7 @@ def fit_tensor(
                 if not step(_DECODING * writer.fraction, "Decoding"):
                     raise Cancelled
         dataset = open_dataset(path)
-        settings: dict[str, Any] = {**quality_settings(dataset, "kcta", "HIGH")}
+        settings: dict[str, Any] = {**quality_settings(dataset, "kcta", QUALITY)}
         return compress(
             dataset,
             "kcta",
