@@ -41,7 +41,7 @@ def quality_settings(
     rank_light, clusters, mixtures, share = {
         "DRAFT": (12, 5, 2, 3 / 8),
         "MEDIUM": (20, 7, 3, 1 / 2),
-        "HIGH": (56, 12, 3, 3 / 4),
+        "HIGH": (56, 20, 3, 5 / 8),
     }[quality]
     if dataset.kind == "occlusion":  # less to hold, and a wrong texel is seen
         clusters *= 2
