@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ..errors import NacreError
 from ..models.exr import read_picture
-from ..nodes.material import needs_osl
 from ..osl import has_osl
 from ..preview.context import need_gpu
 
@@ -59,6 +58,8 @@ def set_engine(scene: bpy.types.Scene, engine: str, samples: int) -> None:
 
 def use_scripts(scene: bpy.types.Scene, material: bpy.types.Material) -> None:
     """Let Cycles run the scripts of a material. Raises NacreError where it cannot."""
+    from ..nodes.material import needs_osl  # models need the compiled packages
+
     if scene.render.engine == "CYCLES" and needs_osl(material):
         if not has_osl():
             raise NacreError(
