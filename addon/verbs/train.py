@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import NacreError
-from .arguments import Progress, counts, from_0, from_1, sparsity_parts
+from .arguments import Progress, above_0, counts, from_0, from_1, sparsity_parts
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,6 +28,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--precluster",
         action="store_true",
         help="choose dictionaries once, in the beginning, and every tenth sweep: faster",
+    )
+    parser.add_argument(
+        "--offset",
+        type=above_0,
+        default=8.0,
+        help="of the logarithm that is coded, log(1 + RGB / offset): 8 (default) is nearly linear "
+        "and has the least squared error; 0.1 keeps more of what is seen",
     )
     parser.add_argument(
         "--subspace",
@@ -66,6 +73,7 @@ def run(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         sparsity=sparsity,
         sweeps=options.sweeps,
         reassign=10 if options.precluster else 1,
+        offset=options.offset,
         subspace=options.subspace,
         seed=options.seed,
         threads=options.threads,

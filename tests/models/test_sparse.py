@@ -111,12 +111,16 @@ def test_all_coefficients_are_the_samples(dataset, ensemble):
 def test_rounded_values_are_of_one_byte():
     values = np.random.default_rng(0).standard_normal((50, 40)).astype(np.float32) ** 3
     values[40:, ::2] = 0
-    codes = Codes(np.zeros(values.shape, np.uint32), values, np.zeros(40, np.uint32))
+    positions = np.indices(values.shape, np.uint32)[0]
+    codes = Codes(positions, values, np.zeros(40, np.uint32))
     rounded = codes.rounded()
     assert len(np.unique(rounded.values)) <= 255
-    np.testing.assert_array_equal(np.sign(rounded.values), np.sign(values))
+    found = np.zeros_like(values)
+    np.put_along_axis(found, rounded.positions, rounded.values, 0)
+    np.testing.assert_array_equal(np.sign(found), np.sign(values))
     large = np.abs(values) > np.abs(values).max() / 2**12
-    np.testing.assert_allclose(rounded.values[large], values[large], rtol=0.036)
+    np.testing.assert_allclose(found[large], values[large], rtol=0.036)
+    assert (np.diff(np.abs(rounded.values), axis=0) <= 0).all()
     nothing = replace(codes, values=0 * values)
     assert not nothing.rounded().values.any()
 
@@ -318,6 +322,9 @@ def test_wrong_trainings_are_refused(dataset, tmp_path, key):
     with pytest.raises(NacreError) as error:
         train([dataset], sparsity={key: 10**5})
     one_line(error, f"{key}=100000")
+    with pytest.raises(NacreError) as error:
+        train([dataset], offset=1e30)
+    one_line(error, "offset 1e+30")
     with pytest.raises(NacreError) as error:
         train([dataset], dictionaries=1000)
     one_line(error, "dictionaries")

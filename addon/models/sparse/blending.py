@@ -126,7 +126,7 @@ def bake(
 ) -> SparseBtf:
     """One model of a blend: Eqs. 8 and 9, and the largest `sparsity` coefficients of each patch; by
     default as many as the material has that has most. Of a quality, they are divided among the
-    parts as those.
+    parts as those of all materials are.
 
     M is the sum of w_i m_i, with masks' means for weights, and D that of w_i d_i: the deviation
     that Z has at most, and has where materials go up and down together; 1 where nothing is divided.
@@ -144,7 +144,7 @@ def bake(
     alike = [model for model in mix.models if _same_parts(model, first)]
     ensemble = _joined([model.ensemble for model in alike])
     if not isinstance(sparsity, Mapping):
-        sparsity = _most([model.sparsity for model in alike], sparsity, ensemble)
+        sparsity = _counts([model.sparsity for model in alike], sparsity, ensemble)
     for key, count in sparsity.items():
         most = prod(ensemble.shape(key))
         if not 1 <= count <= most:
@@ -226,18 +226,19 @@ def _same_parts(model: SparseBtf, first: SparseBtf) -> bool:
     return [*model.codes] == [*first.codes]
 
 
-def _most(
+def _counts(
     sparsities: Sequence[Mapping[str, int]], quality: int | None, ensemble: Ensemble
 ) -> dict[str, int]:
-    """The most coefficients of each part in several models; of a quality, in their proportion."""
-    most = {key: max(own[key] for own in sparsities) for key in sparsities[0]}
+    """The most coefficients of each part in several models; of a quality, in proportion to those of
+    all together, which a blend has where patches are in the same dictionary."""
     if quality is None:
-        return most
-    room = room_of(quality, tuple(most), ensemble.patch)
-    total = sum(most.values())
+        return {key: max(own[key] for own in sparsities) for key in sparsities[0]}
+    every = {key: sum(own[key] for own in sparsities) for key in sparsities[0]}
+    room = room_of(quality, tuple(every), ensemble.patch)
+    total = sum(every.values())
     return {
         key: min(max(1, room * count // total), prod(ensemble.shape(key)))
-        for key, count in most.items()
+        for key, count in every.items()
     }
 
 

@@ -64,9 +64,10 @@ def save_sparse(model: SparseBtf, path: str | os.PathLike[str]) -> None:
         ends = shares(model.sparsity, quality / model.quality)
         for key, codes in model.codes.items():
             part = slice(begin[key], ends[key])
-            for name, array in (("positions", codes.positions), ("values", codes.values)):
-                if ends[key] > begin[key]:
-                    arrays[f"{name}_{key}_{quality}"] = array[part]
+            if ends[key] > begin[key]:
+                steps, values = _by_position(codes.positions[part], codes.values[part])
+                for name, array in (("steps", steps), ("values", values)):
+                    arrays[f"{name}_{key}_{quality}"] = array
                     axes[f"{name}_{key}_{quality}"] = ["coefficient", "patch"]
         begin = ends
     description = {
@@ -191,7 +192,7 @@ def _levels(arrays: dict[str, NDArray[Any]], description: dict[str, Any]) -> lis
         names = [
             name
             for name in expected
-            if name.startswith(("positions_", "values_")) and name.endswith(f"_{quality}")
+            if name.startswith(("steps_", "values_")) and name.endswith(f"_{quality}")
         ]
         if any(name not in arrays for name in names):
             break
@@ -199,17 +200,33 @@ def _levels(arrays: dict[str, NDArray[Any]], description: dict[str, Any]) -> lis
     return whole
 
 
+def _by_position(
+    positions: NDArray[np.uint32], values: NDArray[np.float32]
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
+    """A level of quality in the order of positions, and the steps from each to the next: small
+    numbers, which take few bytes."""
+    order = np.argsort(positions, 0, kind="stable")
+    ordered = np.take_along_axis(positions, order, 0)
+    steps = np.diff(ordered, axis=0, prepend=np.zeros_like(ordered[:1]))
+    return steps, np.take_along_axis(values, order, 0)
+
+
+def _by_importance(
+    steps: NDArray[np.uint32], values: NDArray[np.float32]
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
+    """What `_by_position` made of a level: positions and values, the largest first."""
+    positions = np.cumsum(steps, 0, dtype=np.uint32)
+    order = np.argsort(-np.abs(values), 0, kind="stable")
+    return np.take_along_axis(positions, order, 0), np.take_along_axis(values, order, 0)
+
+
 def _codes(arrays: dict[str, NDArray[Any]], key: str, qualities: list[int]) -> Codes:
-    positions, values = (
-        np.concatenate(
-            [
-                arrays[f"{name}_{key}_{quality}"]
-                for quality in qualities
-                if f"{name}_{key}_{quality}" in arrays
-            ]
-        )
-        for name in ("positions", "values")
-    )
+    levels = [
+        _by_importance(arrays[f"steps_{key}_{quality}"], arrays[f"values_{key}_{quality}"])
+        for quality in qualities
+        if f"values_{key}_{quality}" in arrays
+    ]
+    positions, values = (np.concatenate(own) for own in zip(*levels, strict=True))
     return Codes(positions, values, arrays[f"members_{key}"][0])
 
 

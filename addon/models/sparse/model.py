@@ -52,7 +52,10 @@ class Codes:
             level = np.rint(-_LEVELS_AN_OCTAVE * np.log2(magnitude / largest))
         level = np.minimum(level, 126.0)  # the least magnitude is the 127th
         values = np.copysign(largest * np.exp2(-level / _LEVELS_AN_OCTAVE), self.values)
-        return replace(self, values=np.where(magnitude > 0, values, 0.0).astype(np.float32))
+        values = np.where(magnitude > 0, values, 0.0).astype(np.float32)
+        order = np.lexsort((self.positions, -np.abs(values)), 0)  # of equal ones the first position
+        positions, values = (np.take_along_axis(a, order, 0) for a in (self.positions, values))
+        return replace(self, positions=positions, values=values)
 
 
 @dataclass(frozen=True)

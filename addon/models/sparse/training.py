@@ -20,7 +20,7 @@ from ..checkpoint import StateFile, samples_of
 from .ensemble import Ensemble
 from .patches import Origin, channels_of, overlapping, read_patches
 from .subspace import Subspace
-from .transform import OFFSET, normalisation
+from .transform import OFFSET, OFFSETS, normalisation
 
 SPARSITY = {"Y": 256, "U": 32, "V": 32}
 """Of the paper."""
@@ -77,7 +77,7 @@ def train(
         "seed": seed,
         "materials": [dataset.path.stem for dataset in datasets],
     }
-    _check(datasets, patch, sparsity)
+    _check(datasets, patch, sparsity, offset)
     said = [settings, [samples_of(dataset) for dataset in datasets]]
     started = time.monotonic()
     chosen = _choose(datasets, patch, seed)
@@ -166,7 +166,10 @@ class _Keeper:
 
 
 def _check(
-    datasets: Sequence[Dataset], patch: tuple[int, int], sparsity: Mapping[str, int]
+    datasets: Sequence[Dataset],
+    patch: tuple[int, int],
+    sparsity: Mapping[str, int],
+    offset: float,
 ) -> None:
     if not datasets:
         raise NacreError("training needs at least one dataset")
@@ -186,6 +189,9 @@ def _check(
                 f"{dataset.path.name}: patches of {patch[1]} x {patch[0]} do not fit its "
                 f"{sizes[1]} x {sizes[0]} texels"
             )
+    if not OFFSETS[0] <= offset <= OFFSETS[1]:
+        low, high = OFFSETS
+        raise NacreError(f"offset {offset:g}: expected {low:g} to {high:g}")
     for key, count in sparsity.items():
         most = patch[0] * patch[1] * len(first.light) * len(first.view) * len(key)
         if not 1 <= count <= most:

@@ -25,6 +25,9 @@ OFFSET = 8.0
 twice the squared error on glossy materials; the authors' 1e-5 spends the coefficients on what lies
 far below a hundredth of white (docs/sparse.md)."""
 
+OFFSETS = (1e-6, 1e3)
+"""The least and the largest: beyond them single precision does not tell values apart."""
+
 MOST = 11.0
 """The logarithm of the largest colour that comes back."""
 
