@@ -29,6 +29,9 @@ QUALITY = "HIGH"
 """The usual one: about as close to the real thing as the samples themselves (docs/truth.md)."""
 
 
+_MOST_VIEWS = 12  # clusters of views where lights are clustered, too
+
+
 def quality_settings(
     dataset: Dataset, method: str, quality: str = QUALITY
 ) -> dict[str, dict[str, int]]:
@@ -60,7 +63,11 @@ def quality_settings(
         return {"ranks": {**ranks, "view": min(4 * clusters, sizes["view"])}}
     counts = {"view": min(clusters, sizes["view"])}
     if method == "mkcta" and "light" in sizes:  # C_n R_n as N-SVD's rank (MK-CTA, Section 4.3)
-        counts = {"light": min(rank_light // 4, dataset.sizes["light"]), **counts}
+        counts = {
+            "light": min(rank_light // 4, dataset.sizes["light"]),
+            # Every cluster of views has a core with each of lights.
+            "view": min(_MOST_VIEWS, counts["view"]),
+        }
         ranks["light"] = min(4, sizes["light"])
     if method == "cta":
         mixtures = 1
