@@ -26,7 +26,8 @@ SPARSITY = {"Y": 256, "U": 32, "V": 32}
 """Of the paper."""
 
 SUBSPACE = 64
-"""Columns of the subspaces that are trained in: more changed no error by a thousandth part."""
+"""Columns of the subspaces that are trained in. Of 81 directions, 81, 64, 48 and 32 columns gave an
+unseen material 9.98, 9.98, 9.97 and 10.03 dB."""
 
 _ALL = 2880
 """Up to so many patches are all trained on, of more a tenth but not fewer than these: the paper has
