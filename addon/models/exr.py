@@ -23,7 +23,7 @@ __all__ = ["check_destination", "is_model", "load_model", "read_picture", "save_
 
 
 _SPARSE = {
-    "sparse": "decoded but not shown yet",
+    "sparse": "of sparse codes and not of a tensor",
     "sparse-ensemble": "for `compress --method sparse --ensemble`",
 }
 
