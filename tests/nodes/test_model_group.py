@@ -278,6 +278,7 @@ def test_artist_facing_names(tables: Tables) -> None:
     sockets = [item for item in group.interface.items_tree if item.item_type == "SOCKET"]
     assert [socket.name for socket in sockets] == [
         "Value",
+        "Cycles",
         "UV",
         "View",
         "Tangent",

@@ -13,7 +13,6 @@ from small_sparse import model_of
 
 from addon import live
 from addon.errors import NacreError
-from addon.models.sparse import as_tensor
 from addon.nodes.material import (
     MODEL_NODE,
     group_of,
@@ -367,9 +366,8 @@ def test_what_cannot_be_mixed(tables: Tables) -> None:
 
 
 @pytest.mark.skipif(bpy.app.version >= (5, 0), reason="EEVEE loops here")
-def test_a_fit_stands_in_where_eevee_cannot_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fit_stands_in_where_eevee_cannot_loop() -> None:
     """It is much nearer than the average colour is."""
-    monkeypatch.setattr(as_tensor, "QUALITY", "MEDIUM")  # quicker
     model = model_of()
     tables = build_node_tables(model)
     assert tables.stand_in is not None
