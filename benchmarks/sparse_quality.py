@@ -28,7 +28,7 @@ from addon.models.fit import compress, quality_settings
 from addon.models.sparse.coding import code, measure
 from addon.models.sparse.ensemble import Ensemble
 from addon.models.sparse.files import load_ensemble, save_ensemble
-from addon.models.sparse.model import SparseBtf, sparsity_of
+from addon.models.sparse.model import SparseBtf
 from addon.models.sparse.training import train
 
 from ._data import OUT
@@ -99,7 +99,7 @@ def trained_ensemble(datasets: list[Dataset], count: int, folder: Path) -> Ensem
 
 def coded(dataset: Dataset, ensemble: Ensemble) -> SparseBtf:
     """At the highest quality; the others are the first of its coefficients."""
-    return code(dataset, ensemble, sparsity_of(QUALITIES[-1], tuple(ensemble.dictionaries), PATCH))
+    return code(dataset, ensemble, QUALITIES[-1])
 
 
 def error(dataset: Dataset, model: SparseBtf, quality: int) -> float:

@@ -125,11 +125,8 @@ def _mixed(maps: NDArray[np.float32], taps: _Taps) -> NDArray[np.float32]:
 
 
 def _product(product: Product, by_light: _Taps, by_view: _Taps) -> NDArray[np.float32]:
-    light, view = (
-        sum(w[:, None] * maps[:, row, column] for w, row, column in taps)
-        for maps, taps in ((product.light, by_light), (product.view, by_view))
-    )
-    return np.asarray(np.einsum("qne,qne->n", light, view), np.float32)
+    light, view = _mixed(product.light, by_light), _mixed(product.view, by_view)
+    return np.asarray(np.einsum("nqe,nqe->n", light, view), np.float32)
 
 
 def _taps(directions: NDArray[np.floating], size: int) -> _Taps:

@@ -1,10 +1,10 @@
 """Training in the subspaces of light and view that hold nearly all of what is coded.
 
 Dictionaries of a patch's leading directions are small: with 64 of 151 rows for light and view a
-projection takes a twelfth of the operations. What lies outside is noise that no coefficient is
-spent on; its directions follow after the trained ones, so that dictionaries stay whole and
-orthonormal. As the projection of a patch on orthonormal columns leaves the rest of its norm as it
-is, the objective (Eq. 2a) falls by as much as that of the projected patches.
+projection takes a twelfth of the operations. The directions outside follow as they are after the
+trained ones, so that dictionaries stay whole and orthonormal; docs/sparse.md has what that loses.
+As the projection of a patch on orthonormal columns leaves the rest of its norm as it is, the
+objective (Eq. 2a) falls by as much as that of the projected patches.
 """
 
 from __future__ import annotations
