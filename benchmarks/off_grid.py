@@ -18,14 +18,11 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from addon.datasets.dataset import Dataset, open_dataset
-from addon.datasets.direction_sets import ubo_81
+from addon.datasets.dataset import Dataset
 from addon.datasets.directions import spherical_to_unit
-from addon.measure.btf import measure_btf
 from addon.measure.cycles import add_light, aim
 from addon.measure.instrument import new_instrument
 from addon.measure.patch import open_patch
-from addon.measure.settings import Settings
 from addon.models.clustered_tucker import ClusteredTucker
 from addon.models.exr import load_model, save_model
 from addon.models.fit import compress, quality_settings
@@ -36,17 +33,11 @@ from addon.render.pictures import flat_scene
 from addon.tables.tables import build_tables
 
 from ._data import OUT
+from ._measured import SCENES, measured
 from ._object_pictures import build
 from ._report import table
 from ._scores import Pixels, score, srgb
 
-# Of each scene: its name for people, the patch's size in metres, None for the object's own, and how
-# it is measured.
-SCENES = {
-    "woven_hair": ("Weave", (0.012, 0.012), Settings(64, 8, bounces=3)),
-    "displaced_voronoi": ("Scales", (0.02, 0.02), Settings(64, 16, bounces=3)),
-    "translucent_wax": ("Wax", None, Settings(64, 8, bounces=4)),
-}
 METHOD, QUALITY = "mkcta", "HIGH"
 SAMPLES = 256
 ZOOM = 2
@@ -66,7 +57,7 @@ def main() -> None:
     strips = []
     for scene in options.only:
         name = SCENES[scene][0]
-        dataset, model = measured(scene, options.folder)
+        dataset, model = compressed(scene, options.folder)
         truth = [srgb(p) for p in in_cycles(scene, dataset, light, view, options.samples)]
         seen = [srgb(p) for p in in_eevee(scene, model)]
         between = [srgb(p) for p in interpolated(dataset, light, view)]
@@ -91,22 +82,12 @@ def main() -> None:
     image.resize(size, Image.Resampling.NEAREST).save(options.folder / "off_grid.png")
 
 
-def measured(scene: str, folder: Path) -> tuple[Dataset, ClusteredTucker]:
+def compressed(scene: str, folder: Path) -> tuple[Dataset, ClusteredTucker]:
     """The dataset and the model of a scene, made where they are not there."""
-    dataset, file = measured_dataset(scene, folder), folder / f"{scene}.exr"
+    dataset, file = measured(scene, folder), folder / f"{scene}.exr"
     if not file.is_file():
         save_model(compress(dataset, METHOD, **quality_settings(dataset, METHOD, QUALITY)), file)
     return dataset, load_model(file)
-
-
-def measured_dataset(scene: str, folder: Path) -> Dataset:
-    """The dataset of a scene, measured where it is not there."""
-    path = folder / f"{scene}.nacre"
-    if not path.is_dir():
-        _, size, settings = SCENES[scene]
-        with open_patch(build(scene), size) as patch:
-            measure_btf(patch, path, ubo_81(), ubo_81(), settings)
-    return open_dataset(path)
 
 
 def in_cycles(scene_name: str, dataset, light, view, samples: int) -> list[Pixels]:

@@ -20,9 +20,6 @@ import argparse
 import time
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from addon.datasets.dataset import Dataset
 from addon.models.fit import compress, quality_settings
 from addon.models.sparse.coding import code, measure
@@ -32,13 +29,10 @@ from addon.models.sparse.model import SparseBtf
 from addon.models.sparse.training import train
 
 from ._data import OUT
+from ._pca import Pca
 from ._report import bar, table
-from .recipes.__main__ import measured
+from ._unseen import PATCH, TRAINING, UNSEEN, datasets, error
 
-TRAINING = ("studs", "roughhole", "lacquer", "woven_hair", "fibre", "translucent_wax")
-UNSEEN = ("satin", "displaced_voronoi")
-TEXELS, SAMPLES = 60, 4
-PATCH = (10, 10)
 DICTIONARIES = (2, 4, 8)
 SWEEPS = 8
 QUALITIES = (16, 32, 64, 128, 256)
@@ -54,11 +48,9 @@ def main() -> None:
     parser.add_argument("folder", type=Path, nargs="?", default=OUT / "sparse")
     parser.add_argument("--authors", type=Path, help="folder of the authors' ensembles")
     options = parser.parse_args()
-    sets = {name: measured(options.folder, name, "ubo151", TEXELS, SAMPLES)
-            for name in (*TRAINING, *UNSEEN)}  # fmt: skip
-    trained = [sets[name] for name in TRAINING]
-    unseen = {name: sets[name] for name in UNSEEN}
-    for name, dataset in sets.items():
+    learned, unseen = (datasets(names, options.folder) for names in (TRAINING, UNSEEN))
+    trained = list(learned.values())
+    for name, dataset in (learned | unseen).items():
         print(f"{name}: noise floor {dataset.noise_floor_db} dB")
 
     ensembles = {f"K {count}": trained_ensemble(trained, count, options.folder)
@@ -102,11 +94,6 @@ def coded(dataset: Dataset, ensemble: Ensemble) -> SparseBtf:
     return code(dataset, ensemble, QUALITIES[-1])
 
 
-def error(dataset: Dataset, model: SparseBtf, quality: int) -> float:
-    """MSE of linear values at a quality, times 10^4."""
-    return 1e4 * measure(dataset, model.truncated(quality))["mse"]
-
-
 def print_quality(models: dict[tuple[str, str], SparseBtf], unseen: dict[str, Dataset]) -> None:
     """Table 3: MSE by quality, for each ensemble."""
     rows, falls = [], True
@@ -121,81 +108,42 @@ def print_quality(models: dict[tuple[str, str], SparseBtf], unseen: dict[str, Da
 
 
 def print_sizes(model: SparseBtf) -> None:
-    """Table 4: sizes, of these texels and of the paper's 400 x 400."""
-    lights, views = model.normalised.mean.shape
-    means = 2 * 2 * lights * views
+    """Table 4: sizes, of these texels and of the paper's 400 x 400, whose BTF is of halves."""
+    lights, views = model.normalised.mean.shape[:2]
+    means = 2 * model.normalised.mean.size
     halves = 2 * sum(own.size for modes in model.ensemble.dictionaries.values() for own in modes)
-    whole = 4 * 3 * lights * views * 400 * 400
-    rows = [["", "bytes a texel", "400 x 400 texels", "ratio", "paper"]]
+    whole = 2 * 3 * lights * views * 400 * 400
+    rows = [["", "bytes a texel", "400 x 400 texels", "ratio", "with the rest", "paper"]]
     paper = dict(zip(QUALITIES, (4218, 2122, 1065, 506, 260), strict=True))
     for quality in QUALITIES:
         some = model.truncated(quality)
         texel = some.code_bytes / (model.height * model.width)
         size = texel * 400 * 400
         rows.append([f"SparseBTF ({quality})", f"{texel:.1f}", f"{size / 2**20:.2f} MB",
-                     f"{whole / (size + means + halves):.0f}", str(paper[quality])])  # fmt: skip
+                     f"{whole / size:.0f}", f"{whole / (size + means + halves):.0f}",
+                     str(paper[quality])])  # fmt: skip
     print(table(rows))
-    print(
-        f"of that apart: ensemble {halves / 1e6:.2f} MB, means and deviations {means / 1e6:.2f} MB"
-    )
+    print(f"the rest: ensemble {halves / 2**20:.2f} MB, means {means / 2**20:.2f} MB")
 
 
 def print_pca(
     models: dict[tuple[str, str], SparseBtf], trained: list[Dataset], unseen: dict[str, Dataset]
 ) -> None:
     """Table 5: PCA(64), twice the size of SparseBTF(32)."""
-    rng = np.random.default_rng(0)
-    learned = Pca.of(np.concatenate([
-        texels(dataset, rng.choice(TEXELS**2, PCA_TEXELS, replace=False)) for dataset in trained]),
-        64)  # fmt: skip
+    learned = Pca.learned(trained, 64, PCA_TEXELS)
     rows, holds = [], True
     for name, dataset in unseen.items():
         found = error(dataset, models["K 8", name], 32)
         against = 1e4 * learned.error(dataset)
-        own = Pca.of(texels(dataset, rng.choice(TEXELS**2, 6 * PCA_TEXELS, replace=False)), 64)
+        count = dataset.shape[2] * dataset.shape[3]
+        own = Pca.learned([dataset], 64, count)
         holds &= found < against
-        basis = own.columns.size * 2 / TEXELS**2
+        basis = own.columns.size * 2 / count
         rows.append([name, f"{found:.2f}", f"{against:.2f}", f"{1e4 * own.error(dataset):.2f}",
                      f"128 + {basis:.0f}"])  # fmt: skip
     print(table([["unseen", "SparseBTF (32)", "PCA (64), learned", "PCA (64), fitted to it",
                   "its bytes a texel"], *rows]))  # fmt: skip
     print(bar(holds, "SparseBTF (32) beats PCA (64) learned from the same materials"))
-
-
-def texels(dataset: Dataset, places: NDArray[np.integer]) -> NDArray[np.float32]:
-    """Some texels (n, light * view * channel), all that is measured of each."""
-    lights, views, height, width, channels = dataset.shape
-    y, x = np.unravel_index(np.sort(places), (height, width))
-    found = np.empty((len(places), lights, views * channels), np.float32)
-    for light in range(lights):
-        image = np.asarray(dataset.samples[light])
-        found[:, light] = np.moveaxis(image[:, y, x], 1, 0).reshape(len(places), -1)
-    return found.reshape(len(places), -1)
-
-
-class Pca:
-    """Principal components of texels: `mean` and orthonormal `columns` (values, count)."""
-
-    def __init__(self, mean: NDArray[np.float32], columns: NDArray[np.float32]) -> None:
-        self.mean, self.columns = mean, columns
-
-    @classmethod
-    def of(cls, rows: NDArray[np.float32], count: int) -> Pca:
-        mean = rows.mean(0)
-        rows = rows - mean
-        values, vectors = np.linalg.eigh((rows @ rows.T).astype(np.float64))
-        scale = 1 / np.sqrt(values[-count:])
-        return cls(mean, np.asarray(rows.T @ (vectors[:, -count:] * scale), np.float32))
-
-    def error(self, dataset: Dataset) -> float:
-        """MSE of a dataset's texels, each projected on the components."""
-        total = 0.0
-        places = np.arange(dataset.shape[2] * dataset.shape[3])
-        for some in np.array_split(places, 8):
-            rows = texels(dataset, some) - self.mean
-            inside = rows @ self.columns
-            total += float(np.vdot(rows, rows)) - float(np.vdot(inside, inside))
-        return total / (len(places) * len(self.mean))
 
 
 def print_tensors(models: dict[tuple[str, str], SparseBtf], unseen: dict[str, Dataset]) -> None:

@@ -33,6 +33,7 @@ from addon.tables.tables import Tables, build_tables
 
 from ._data import OUT
 from ._lights import LIGHTS, SUNS, light_scene, lights
+from ._measured import SCENES, measured
 from ._object_pictures import (
     Pixels,
     Shot,
@@ -47,7 +48,6 @@ from ._object_pictures import (
 )
 from ._report import bar, table
 from ._scores import score, srgb
-from .off_grid import SCENES, measured_dataset
 
 SIZE = 320
 CAMERA = (25.0, -60.0)
@@ -72,7 +72,7 @@ def main() -> None:
     own.mkdir(parents=True, exist_ok=True)
     rows, strips, above = [], [], []
     for scene in options.only:
-        dataset = measured_dataset(scene, options.folder)
+        dataset = measured(scene, options.folder)
         files = fitted(scene, dataset, options.quality, own)
         sizes = ", ".join(f"{TITLES[m]} {f.stat().st_size / 1e6:.2f} MB" for m, f in files.items())
         print(

@@ -25,6 +25,7 @@ from addon.tables.tables import build_tables
 
 from ._data import OUT
 from ._lights import add_suns, lights
+from ._measured import SCENES, measured
 from ._object_pictures import (
     SPAN,
     Pixels,
@@ -42,7 +43,6 @@ from ._object_pictures import (
 )
 from ._report import bar, table
 from ._scores import srgb
-from .off_grid import SCENES, measured_dataset
 from .truth import DEFAULT, TITLES, fitted
 
 FRAMES, STEP = 60, 1.5
@@ -64,7 +64,7 @@ def main() -> None:
     own = options.folder / "truth"
     own.mkdir(parents=True, exist_ok=True)
     for scene in options.only:
-        dataset = measured_dataset(scene, options.folder)
+        dataset = measured(scene, options.folder)
         truth = rendered(scene, dataset, own)
         views = [look_at(dataset, shot) for shot in shots()]
         whole = np.stack([view.picture(view.whole) for view in views])

@@ -9,10 +9,10 @@ from addon.datasets.directions import spherical_to_unit
 from addon.measure.btf import measure_btf
 from addon.measure.occlusion import coverage
 from addon.measure.settings import Settings
-from benchmarks.recipes.__main__ import BTFS
+from benchmarks._measured import RECIPES
 
 
-@pytest.mark.parametrize("name", sorted({*BTFS, "net"}))
+@pytest.mark.parametrize("name", sorted({*RECIPES, "net"}))
 def test_recipe(tmp_path, name):
     patch = importlib.import_module(f"benchmarks.recipes.{name}").build()
     directions = spherical_to_unit([0, 60], [0, 200])

@@ -17,7 +17,6 @@ from addon.models.any_model import load_any
 from addon.models.exr import save_model
 from addon.models.sparse.coding import code
 from addon.models.sparse.files import save_ensemble, save_sparse
-from addon.models.sparse.model import sparsity_of
 from addon.models.sparse.training import train
 from addon.nodes import node_tables
 from addon.nodes.material import FINAL_NODE, group_of, groups_of
@@ -37,7 +36,7 @@ def folder(tmp_path_factory):
     sparsity = {"Y": 60, "U": 12, "V": 12}
     ensemble = train([dataset], patch=(4, 4), dictionaries=2, sweeps=2, sparsity=sparsity)
     save_ensemble(ensemble, folder / "e.exr")
-    model = code(dataset, ensemble, sparsity_of(BEST, ("Y", "U", "V"), (4, 4)))
+    model = code(dataset, ensemble, BEST)
     save_sparse(model, folder / "m.exr")
     return folder
 

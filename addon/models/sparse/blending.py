@@ -39,7 +39,7 @@ from ...errors import Cancelled, NacreError
 from ..clustered_tucker import Part
 from .coding import measure_against
 from .ensemble import Ensemble
-from .model import Codes, SparseBtf, quality_of, room_of
+from .model import Codes, SparseBtf, quality_of, room_of, shares
 from .patches import BLOCK, channels_of, indices_inside, tiling
 from .transform import Normalisation, to_linear_rgb
 
@@ -235,11 +235,8 @@ def _counts(
         return {key: max(own[key] for own in sparsities) for key in sparsities[0]}
     every = {key: sum(own[key] for own in sparsities) for key in sparsities[0]}
     room = room_of(quality, tuple(every), ensemble.patch)
-    total = sum(every.values())
-    return {
-        key: min(max(1, room * count // total), prod(ensemble.shape(key)))
-        for key, count in every.items()
-    }
+    counts = shares(every, room / sum(every.values()))
+    return {key: min(count, prod(ensemble.shape(key))) for key, count in counts.items()}
 
 
 def _joined(ensembles: Sequence[Ensemble]) -> Ensemble:

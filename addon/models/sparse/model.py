@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import NacreError
 from ..clustered_tucker import Part, expand
 from .ensemble import Ensemble
 from .patches import tiling
@@ -217,15 +218,13 @@ def quality_of(sparsity: Mapping[str, int], patch: tuple[int, int]) -> int:
 
 
 def room_of(quality: int, keys: tuple[str, ...], patch: tuple[int, int]) -> int:
-    """How many coefficients of a patch take at most 2 N bytes a texel, all parts together."""
-    return max(
-        len(keys), (2 * quality * prod(patch) - PATCH_BYTES * len(keys)) // COEFFICIENT_BYTES
-    )
+    """How many coefficients of a patch take at most 2 N bytes a texel, all parts together.
 
-
-def sparsity_of(quality: int, keys: tuple[str, ...], patch: tuple[int, int]) -> dict[str, int]:
-    """The coefficients that take at most 2 N bytes a texel in the paper's proportion: eight for Y
-    to one each for U and V. `split.by_quality` has one for each material."""
-    room = room_of(quality, keys, patch)
-    weights = {key: 8 if key == "Y" else 1 for key in keys}
-    return {key: max(1, room * weight // sum(weights.values())) for key, weight in weights.items()}
+    NacreError where not even one for each part does."""
+    room = (2 * quality * prod(patch) - PATCH_BYTES * len(keys)) // COEFFICIENT_BYTES
+    if room < len(keys):
+        raise NacreError(
+            f"quality {quality}: one coefficient of each of {', '.join(keys)} in patches of "
+            f"{patch[1]} x {patch[0]} texels is quality {quality_of(dict.fromkeys(keys, 1), patch)}"
+        )
+    return room

@@ -8,13 +8,16 @@ materials, 8 to 1 to 1.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import nacre_native
 import numpy as np
+from numpy.typing import NDArray
 
 from ...datasets.dataset import Dataset
 from ..domain import TO_RGB
 from .ensemble import Ensemble
-from .model import COEFFICIENT_BYTES, room_of
+from .model import room_of
 from .patches import channels_of, read_patches, tiling
 from .transform import CHANNELS, Normalisation
 
@@ -28,29 +31,40 @@ def by_quality(
     quality: int,
     threads: int = 0,
 ) -> dict[str, int]:
-    """Coefficients of a patch for each part, which take at most 2 `quality` bytes a texel."""
+    """Coefficients of a patch for each part, which take at most 2 `quality` bytes a texel.
+
+    NacreError where not even one for each part does."""
     keys = tuple(ensemble.dictionaries)
+    sizes = {key: int(np.prod(ensemble.shape(key))) for key in keys}
     room = room_of(quality, keys, ensemble.patch)
-    if len(keys) == 1:
-        return {keys[0]: room}
     origins = tiling(dataset.sizes["y"], dataset.sizes["x"], ensemble.patch)
     some = np.unique(np.linspace(0, len(origins) - 1, _SEEN).astype(int))
-    found: dict[str, list[np.ndarray]] = {key: [] for key in keys}
+    found: dict[str, list[NDArray[np.float32]]] = {key: [] for key in keys}
     seen = [origins[index] for index in some]
     for _, patches in read_patches(dataset, normalised, ensemble.patch, seen):
         for key in keys:
-            most = min(room, int(np.prod(ensemble.shape(key))))
+            most = min(room, sizes[key])
             codes = nacre_native.code_patches(
                 channels_of(patches, key), ensemble.dictionaries[key], most, threads=threads
             )
-            weight = np.linalg.norm(TO_RGB[:, CHANNELS.index(key)])
+            # Of three channels together there is nothing to divide, whatever they weigh.
+            weight = np.linalg.norm(TO_RGB[:, CHANNELS.index(key)]) if len(key) == 1 else 1.0
             found[key].append(np.abs(codes["values"].ravel()) * weight)
-    values = {key: np.concatenate(own) for key, own in found.items()}
-    every = np.sort(np.concatenate(list(values.values())))[::-1]
-    least = every[min(room * len(seen), len(every)) - 1]
-    counts = {key: max(1, int((own > least).sum() // len(seen))) for key, own in values.items()}
-    # What rounding left goes to the part that has most.
+    counts = divided({key: np.concatenate(own) for key, own in found.items()}, room, len(seen))
+    return {key: min(count, sizes[key]) for key, count in counts.items()}
+
+
+def divided(
+    magnitudes: Mapping[str, NDArray[np.floating]], room: int, patches: int
+) -> dict[str, int]:
+    """`room` coefficients of a patch, at least one for each part, by how many of the largest of all
+    are each part's: `magnitudes` of some patches' coefficients, as they count."""
+    every = np.sort(np.concatenate(list(magnitudes.values())))[::-1]
+    least = every[min(room * patches, len(every)) - 1]
+    counts = {
+        key: max(1, int((own > least).sum() // patches)) for key, own in magnitudes.items()
+    }
+    # What rounding left goes to the part that has most, which also makes up for a part's only one.
     largest = max(counts, key=lambda key: counts[key])
     counts[largest] += room - sum(counts.values())
-    assert COEFFICIENT_BYTES * sum(counts.values()) <= 2 * quality * np.prod(ensemble.patch)
-    return {key: min(count, int(np.prod(ensemble.shape(key)))) for key, count in counts.items()}
+    return counts

@@ -55,12 +55,6 @@ class Normalisation:
         values /= _spread(self.deviation, values)
         return values
 
-    def decode(
-        self, values: NDArray[np.float32], light: NDArray[np.intp], view: NDArray[np.intp]
-    ) -> NDArray[np.float32]:
-        """Linear colours of normalised Y, U, V (lights, views, ..., 3) of some lights and views."""
-        return to_linear_rgb(self.logarithms(values, light, view), self.offset)
-
     def logarithms(
         self, values: NDArray[np.float32], light: NDArray[np.intp], view: NDArray[np.intp]
     ) -> NDArray[np.float32]:
