@@ -66,14 +66,15 @@ def model_facts(path: str) -> str:
 
 
 def ensemble_facts(dataset: str, path: str, quality: int) -> str:
-    """What dictionaries a dataset would be coded in, and the size; or why they do not fit it."""
+    """What dictionaries a dataset would be coded in, those of `path` or Nacre's own, and the size;
+    or why they do not fit it."""
 
     def describe() -> dict[str, str]:
         from .models.sparse.ensemble import choose
-        from .models.sparse.files import load_ensemble
+        from .models.sparse.files import ensembles_of
 
         btf = open_dataset(dataset)
-        ensemble = choose({os.path.basename(path): load_ensemble(path)}, btf)
+        ensemble = choose(ensembles_of([path] if path else []), btf)
         dictionaries = ensemble.dictionaries
         counts = ", ".join(f"{len(modes[0])} for {key}" for key, modes in dictionaries.items())
         halves = sum(matrices.size for modes in dictionaries.values() for matrices in modes)
@@ -85,7 +86,7 @@ def ensemble_facts(dataset: str, path: str, quality: int) -> str:
             "Size": f"up to {size_text(size)} (1 : {round(btf.raw_bytes / size)})",
         }
 
-    return _facts(describe, path)
+    return _facts(describe, path or dataset)
 
 
 def source_facts(path: str, **given: Any) -> str:

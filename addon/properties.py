@@ -133,8 +133,8 @@ class NACRE_PG_scene(bpy.types.PropertyGroup):
     )
     ensemble: StringProperty(
         name="Dictionaries",
-        description="File of the dictionaries that `train` made for the same directions, or a "
-        "sparse model that has them",
+        description="File of dictionaries that `train` made for the same directions, or a sparse "
+        "model that has them. Empty for those Nacre comes with: 81 and 151 directions of Bonn",
         subtype="FILE_PATH",
         update=_settings_set,
     )

@@ -24,17 +24,15 @@ from addon.datasets.dataset import Dataset
 from addon.models.fit import compress, quality_settings
 from addon.models.sparse.coding import code, measure
 from addon.models.sparse.ensemble import Ensemble
-from addon.models.sparse.files import load_ensemble, save_ensemble
+from addon.models.sparse.files import load_ensemble
 from addon.models.sparse.model import SparseBtf
-from addon.models.sparse.training import train
 
 from ._data import OUT
 from ._pca import Pca
 from ._report import bar, table
-from ._unseen import PATCH, TRAINING, UNSEEN, datasets, error
+from ._sparse_sets import TRAINING, UNSEEN, datasets, error, trained
 
 DICTIONARIES = (2, 4, 8)
-SWEEPS = 8
 QUALITIES = (16, 32, 64, 128, 256)
 PCA_TEXELS = 600
 """Of each material that a basis is learned from: their inner products have to fit into memory."""
@@ -48,12 +46,11 @@ def main() -> None:
     parser.add_argument("folder", type=Path, nargs="?", default=OUT / "sparse")
     parser.add_argument("--authors", type=Path, help="folder of the authors' ensembles")
     options = parser.parse_args()
-    learned, unseen = (datasets(names, options.folder) for names in (TRAINING, UNSEEN))
-    trained = list(learned.values())
+    learned, unseen = (datasets(names, options.folder, "ubo151") for names in (TRAINING, UNSEEN))
     for name, dataset in (learned | unseen).items():
         print(f"{name}: noise floor {dataset.noise_floor_db} dB")
 
-    ensembles = {f"K {count}": trained_ensemble(trained, count, options.folder)
+    ensembles = {f"K {count}": reported(trained(count, options.folder, "ubo151"), count)
                  for count in DICTIONARIES}  # fmt: skip
     if options.authors:
         ensembles["authors'"] = load_ensemble(options.authors)
@@ -64,28 +61,19 @@ def main() -> None:
     }
     print_quality(models, unseen)
     print_sizes(models["K 8", UNSEEN[0]])
-    print_pca(models, trained, unseen)
+    print_pca(models, list(learned.values()), unseen)
     print_tensors(models, unseen)
 
 
-def trained_ensemble(datasets: list[Dataset], count: int, folder: Path) -> Ensemble:
-    """An ensemble of `count` dictionaries a part, out of its file where it is there."""
-    path = folder / f"ensemble K {count}.exr"
-    if not path.is_file():
-        state = folder / f".ensemble K {count}.training"
-        save_ensemble(
-            train(datasets, patch=PATCH, dictionaries=count, sweeps=SWEEPS, folder=folder,
-                  state=state, resume=state.exists()),
-            path,
-        )  # fmt: skip
-    ensemble = load_ensemble(path)
+def reported(ensemble: Ensemble, count: int) -> Ensemble:
+    """What is printed of a training."""
     training = ensemble.training
     print(f"\n{count} dictionaries, {training['patches']} patches of {', '.join(TRAINING)}: "
           f"{training['seconds']:.0f} s")  # fmt: skip
     sweeps = max(len(errors) for errors in training["objective"].values())
     print(table([["objective", *map(str, range(1, sweeps)), "end"], *(
         [key, *(f"{error:.4f}" for error in errors)]
-        for key, errors in training["objective"].items())]))  # fmt: skip
+        for key, errors in training["objective"].items())]), flush=True)  # fmt: skip
     return ensemble
 
 
@@ -127,10 +115,10 @@ def print_sizes(model: SparseBtf) -> None:
 
 
 def print_pca(
-    models: dict[tuple[str, str], SparseBtf], trained: list[Dataset], unseen: dict[str, Dataset]
+    models: dict[tuple[str, str], SparseBtf], materials: list[Dataset], unseen: dict[str, Dataset]
 ) -> None:
     """Table 5: PCA(64), twice the size of SparseBTF(32)."""
-    learned = Pca.learned(trained, 64, PCA_TEXELS)
+    learned = Pca.learned(materials, 64, PCA_TEXELS)
     rows, holds = [], True
     for name, dataset in unseen.items():
         found = error(dataset, models["K 8", name], 32)

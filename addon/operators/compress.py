@@ -12,7 +12,6 @@ import bpy
 from ..datasets.dataset import open_dataset
 from ..datasets.occlusion import with_value
 from ..datasets.quality import beyond_noise
-from ..errors import NacreError
 from ..facts import parse_facts
 from ..jobs import JobOperator, Progress, Work
 from ..live import materials_showing
@@ -116,12 +115,10 @@ def _sparse_fit(chosen: NACRE_PG_scene, dataset: Dataset, _output: Path) -> Call
     """The same of sparse codes."""
     from ..models.sparse.coding import code
     from ..models.sparse.ensemble import choose
-    from ..models.sparse.files import load_ensemble
+    from ..models.sparse.files import ensembles_of
 
-    if not chosen.ensemble:
-        raise NacreError("sparse codes need dictionaries: choose a file that `train` made")
-    path = Path(bpy.path.abspath(chosen.ensemble))
-    ensemble = choose({path.name: load_ensemble(path)}, dataset)
+    path = bpy.path.abspath(chosen.ensemble)
+    ensemble = choose(ensembles_of([path] if path else []), dataset)
     return partial(code, ensemble=ensemble, sparsity=chosen.sparse_quality)
 
 

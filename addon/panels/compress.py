@@ -14,7 +14,7 @@ class NACRE_PT_compress(SidebarPanel, bpy.types.Panel):
         layout = property_column(self.layout)
         layout.prop(chosen, "method")
         if chosen.method == "SPARSE":
-            layout.prop(chosen, "ensemble")
+            layout.prop(chosen, "ensemble", placeholder="Nacre's own")
             layout.prop(chosen, "sparse_quality", slider=True)
         else:
             layout.prop(chosen, "quality")

@@ -32,8 +32,8 @@ SIZE = 64
 """Texels along a direction map: rows are smooth between measured directions, and maps filtered."""
 
 _IMAGES_ERROR = 1e-3
-"""Root mean square of what means and deviations lack, against their largest: files' half floats are
-off by a fifth of that."""
+"""Root mean square of what means and deviations lack, against the largest of all channels: files'
+half floats are off by a fifth of that."""
 
 
 @dataclass(frozen=True)
@@ -133,13 +133,16 @@ def tables_at(
         return np.ascontiguousarray((by @ columns).T, np.float32).reshape(-1, size, size)
 
     mean, more = means_apart(model)
+    largest = float(np.abs(more).max(initial=0.0))
     parts = {
-        key: _part(model, key, table, partial(maps, by_light), partial(maps, by_view))
+        key: _part(
+            model, key, _products(table, largest), partial(maps, by_light), partial(maps, by_view)
+        )
         for key, table in zip(CHANNELS, more, strict=True)
     }
     images = []
     for table in (mean, model.normalised.deviation):
-        light, view = _products(table)
+        light, view = _products(table, float(np.abs(table).max(initial=0.0)))
         images.append(Product(_quads_of(maps(by_light, light)), _quads_of(maps(by_view, view))))
     return SparseTables(
         parts=parts,
@@ -164,13 +167,14 @@ def means_apart(model: SparseBtf) -> tuple[NDArray[np.float32], NDArray[np.float
 
 
 def _products(
-    table: NDArray[np.floating],
+    table: NDArray[np.floating], largest: float
 ) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Columns (light, n) and (view, n) whose products' sum is a table (light, view)."""
+    """Columns (light, n) and (view, n) whose products' sum is a table (light, view), but for
+    `_IMAGES_ERROR` of the value `largest`. n is 0 for a table of nothing."""
     left, singular, right = np.linalg.svd(table.astype(np.float64), full_matrices=False)
-    allowed = table.size * (_IMAGES_ERROR * np.abs(table).max(initial=0.0)) ** 2
+    allowed = table.size * (_IMAGES_ERROR * largest) ** 2
     left_out = np.cumsum(singular[::-1] ** 2)[::-1]  # from each one on
-    count = max(1, int(np.sum(left_out > allowed)))
+    count = int(np.sum(left_out > allowed))
     root = np.sqrt(singular[:count])
     return left[:, :count] * root, right[:count].T * root
 
@@ -178,11 +182,11 @@ def _products(
 def _part(
     model: SparseBtf,
     key: str,
-    mean: NDArray[np.float32],
+    mean: tuple[NDArray[np.floating], NDArray[np.floating]],
     light_maps: Callable[[NDArray[np.floating]], Maps],
     view_maps: Callable[[NDArray[np.floating]], Maps],
 ) -> Part:
-    """One channel: what is coded, after its mean where that is not the images'."""
+    """One channel: what is coded, after the products of its mean."""
     codes, (ys, xs, lights, views) = _channel(model, key)
     sizes = [own.shape[2] for own in (ys, xs, lights, views)]
     places = np.unravel_index(codes.positions, sizes)
@@ -204,15 +208,14 @@ def _part(
     coefficients[..., 0] = codes.values
     for column, one in enumerate(used, 1):
         coefficients[..., column] = one.rows
-    if mean.any():
-        of_mean = _products(mean)
+    count = mean[0].shape[1]
+    if count:
         first = [len(texels), *(own.shape[1] for own in columns)]
-        count = of_mean[0].shape[1]
         before = np.empty((count, coefficients.shape[1], 4), np.float32)
         before[:] = (1.0, *first)
         before[..., 2:] += np.arange(count)[:, None, None]
         texels.append(np.ones(len(texels[0])))
-        columns = [np.hstack(both) for both in zip(columns, of_mean, strict=True)]
+        columns = [np.hstack(both) for both in zip(columns, mean, strict=True)]
         coefficients = np.concatenate([before, coefficients])
     tall, wide = model.ensemble.patch
     across = -(-model.width // wide)

@@ -159,7 +159,7 @@ def test_the_fitting_ensemble_of_several_is_taken(run):
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (["compress", "a.nacre", "x.exr", "--method", "sparse"], "--ensemble"),
+        (["compress", "a.nacre", "x.exr", "--method", "sparse"], "Nacre's ubo81: it is for 81"),
         (["compress", "a.nacre", "x.exr", "--ensemble", "e.exr"], "--method sparse"),
         (["compress", "more.nacre", "x.exr", "--method", "sparse", "--ensemble", "e.exr"], "views"),
         (

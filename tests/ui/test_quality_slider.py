@@ -289,7 +289,8 @@ def test_compressing_sparse_codes(scene, folder, tmp_path):
     settings = scene.nacre
     settings.dataset, settings.method = str(folder / "a.nacre"), "SPARSE"
     settings.output = str(tmp_path / "a.exr")
-    assert "choose a file" in fails(bpy.ops.nacre.compress)
+    assert "Nacre's ubo81: it is for 81" in settings.ensemble_facts
+    assert "train one" in fails(bpy.ops.nacre.compress)
     settings.ensemble, settings.sparse_quality = str(folder / "e.exr"), 16
     facts = dict(row.split("\t") for row in settings.ensemble_facts.split("\n"))
     assert facts["Dictionaries"] == "2 for Y, 2 for U, 2 for V" and facts["Patches"] == "4 × 4"

@@ -7,7 +7,7 @@ of a file that was cut short is a model of lower quality.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -26,6 +26,9 @@ ENSEMBLE, MODEL = "sparse-ensemble", "sparse"
 
 QUALITIES = (1, 2, 4, 8, 16, 24, 32, 48, 64, 96, 128, 192, 256)
 """Latent-equivalents at which a file may be cut; the last level is the model's own quality."""
+
+SHIPPED = Path(__file__).parents[2] / "ensembles"
+"""Trained on Nacre's own scenes (benchmarks/ensembles.py), one file for a set of directions."""
 
 _MODES = ("y", "x", "light", "view", "colour")
 
@@ -48,6 +51,14 @@ def load_ensemble(path: str | os.PathLike[str]) -> Ensemble:
     if description.get("model") not in (ENSEMBLE, MODEL):
         raise NacreError(f"{path}: a model of another method, not an ensemble of dictionaries")
     return _ensemble(arrays, description)
+
+
+def ensembles_of(paths: Sequence[str | os.PathLike[str]]) -> dict[str, Ensemble]:
+    """The ensembles to choose from, by name: those of `paths`, or where none is given, those that
+    Nacre comes with. NacreError as for `load_ensemble`."""
+    if paths:
+        return {os.fspath(path): load_ensemble(path) for path in paths}
+    return {f"Nacre's {path.stem}": load_ensemble(path) for path in sorted(SHIPPED.glob("*.exr"))}
 
 
 def save_sparse(model: SparseBtf, path: str | os.PathLike[str]) -> None:

@@ -39,7 +39,7 @@ def by_quality(
     room = room_of(quality, keys, ensemble.patch)
     origins = tiling(dataset.sizes["y"], dataset.sizes["x"], ensemble.patch)
     some = np.unique(np.linspace(0, len(origins) - 1, _SEEN).astype(int))
-    found: dict[str, list[NDArray[np.float32]]] = {key: [] for key in keys}
+    found: dict[str, list[NDArray[np.floating]]] = {key: [] for key in keys}
     seen = [origins[index] for index in some]
     for _, patches in read_patches(dataset, normalised, ensemble.patch, seen):
         for key in keys:
@@ -61,9 +61,7 @@ def divided(
     are each part's: `magnitudes` of some patches' coefficients, as they count."""
     every = np.sort(np.concatenate(list(magnitudes.values())))[::-1]
     least = every[min(room * patches, len(every)) - 1]
-    counts = {
-        key: max(1, int((own > least).sum() // patches)) for key, own in magnitudes.items()
-    }
+    counts = {key: max(1, int((own > least).sum() // patches)) for key, own in magnitudes.items()}
     # What rounding left goes to the part that has most, which also makes up for a part's only one.
     largest = max(counts, key=lambda key: counts[key])
     counts[largest] += room - sum(counts.values())

@@ -1,0 +1,46 @@
+"""The materials that dictionaries are trained on, those that they never saw, and the training."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from addon.datasets.dataset import Dataset
+from addon.models.sparse.coding import measure
+from addon.models.sparse.ensemble import Ensemble
+from addon.models.sparse.files import load_ensemble, save_ensemble
+from addon.models.sparse.model import SparseBtf
+from addon.models.sparse.training import train
+
+from ._measured import measured
+
+TRAINING = ("studs", "roughhole", "lacquer", "woven_hair", "fibre", "translucent_wax")
+UNSEEN = ("satin", "displaced_voronoi")
+
+# Texels along a side, paths a texel (None for the scene's own), and texels along a patch's side.
+SETS = {"ubo81": (64, None, 8), "ubo151": (60, 4, 10)}
+
+_SWEEPS = 8
+
+
+def datasets(names: tuple[str, ...], folder: Path, directions: str) -> dict[str, Dataset]:
+    """Of the folder, measured where they are not there: three to twenty minutes each on two cores;
+    `python -m benchmarks.recipes` with these directions, texels and samples does the same."""
+    texels, samples, _ = SETS[directions]
+    return {name: measured(name, folder, directions, texels, samples) for name in names}
+
+
+def trained(count: int, folder: Path, directions: str) -> Ensemble:
+    """The ensemble of `count` dictionaries a part, out of its file where it is there."""
+    path = folder / f"ensemble K {count}.exr"
+    if not path.is_file():
+        side, state = SETS[directions][2], folder / f".ensemble K {count}.training"
+        materials = list(datasets(TRAINING, folder, directions).values())
+        found = train(materials, patch=(side, side), dictionaries=count, sweeps=_SWEEPS,
+                      folder=folder, state=state, resume=state.exists())  # fmt: skip
+        save_ensemble(found, path)
+    return load_ensemble(path)
+
+
+def error(dataset: Dataset, model: SparseBtf, quality: int) -> float:
+    """MSE of linear values at a quality, times 10^4."""
+    return 1e4 * measure(dataset, model.truncated(quality))["mse"]
