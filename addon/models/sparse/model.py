@@ -180,15 +180,18 @@ class SparseBtf:
         parts = []
         for key, codes in self.codes.items():
             dictionaries, member = self.ensemble.dictionaries[key], codes.members[index]
-            sizes = self._sizes(key)
-            sparse = np.zeros(prod(sizes), np.float32)
+            places = np.unravel_index(codes.positions[:, index], self._sizes(key))
+            # Of a mode's atoms a patch uses some.
+            used = [np.unique(own, return_inverse=True) for own in places]
+            core = np.zeros([len(atoms) for atoms, _ in used], np.float32)
             # Unused values are 0 at position 0, where there may be a coefficient.
-            np.add.at(sparse, codes.positions[:, index], codes.values[:, index])
+            np.add.at(core, tuple(ranks for _, ranks in used), codes.values[:, index])
+            every = (*rows, np.arange(3))  # colour is a mode of some
             factors = [
-                matrices[member][own]
-                for matrices, own in zip(dictionaries, (*rows, slice(None)), strict=False)
+                matrices[member][np.ix_(own, atoms)]
+                for matrices, own, (atoms, _) in zip(dictionaries, every, used, strict=False)
             ]
-            found = expand(sparse.reshape(sizes), factors)
+            found = expand(core, factors)
             parts.append(found if len(key) > 1 else found[..., None])
         return np.concatenate(parts, -1)
 
