@@ -9,10 +9,8 @@ and `report.json`. The file named by the variable REAL_BLENDER_READY appears at 
 """
 
 import gc
-import shutil
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from math import pi, radians
 from pathlib import Path
 
@@ -22,24 +20,30 @@ from mathutils import Vector
 
 sys.path.insert(0, str(Path(__file__).parent))
 from window import (
-    BTF,
+    CHANGED,
     FOLDER,
     MODEL,
     MODULE,
-    SOURCE,
+    SAME,
     Wait,
     call,
     check,
+    import_sample,
     job,
+    magenta,
     picture,
     press,
     redo,
     report,
+    select_sphere,
     set_up,
     settings,
     settle,
+    show_rendered,
+    shown,
     sphere_pixels,
     start,
+    step,
     undo,
     viewport,
 )
@@ -47,11 +51,11 @@ from window import (
 BLEND, OTHER = FOLDER / "sample" / "live.blend", FOLDER / "sample" / "other.blend"
 CYCLES = 50
 SETTLED = 3  # cycles until what is made once has been made
-SAME, CHANGED = 0.008, 0.02  # mean differences of the sphere's picture
 
 
 def story() -> Iterator[Wait]:
-    yield from begin()
+    yield from import_sample()
+    yield from compress("DRAFT")
     yield from make_material()
     yield from move_the_light()
     yield from draw_with_nacre()
@@ -67,22 +71,6 @@ def story() -> Iterator[Wait]:
 
 
 # --- steps ----------------------------------------------------------------------------------------
-
-
-def begin() -> Iterator[Wait]:
-    if SOURCE.parent.exists():
-        shutil.rmtree(SOURCE.parent)
-    SOURCE.parent.mkdir(parents=True)
-    shutil.copy(BTF, SOURCE)
-    bpy.context.preferences.view.show_splash = False
-    press("ESC")  # the splash screen
-    yield 0.5
-    yield from set_up()
-    call(bpy.ops.nacre.import_btf, filepath=str(SOURCE))
-    yield 1.0
-    press("RET")
-    yield lambda: settings().dataset != ""
-    yield from compress("DRAFT")
 
 
 def compress(quality: str) -> Iterator[Wait]:
@@ -404,41 +392,6 @@ def append() -> Iterator[Wait]:
 # --- what steps share -----------------------------------------------------------------------------
 
 
-def step(
-    name: str, action: Callable[[], None], steps: int = 1, least: float = CHANGED
-) -> Iterator[Wait]:
-    """Something that changes the picture by `least`; undone and redone."""
-    before = sphere_pixels(picture(name))
-    action()
-    yield 0.2
-    yield lambda: job() is None
-    begun = time.monotonic()
-    yield (
-        lambda: (
-            np.abs(sphere_pixels(picture(name)) - before).mean() > least
-            or time.monotonic() - begun > 20.0
-        )
-    )
-    yield from settle(name, 1.5, 0.6)
-    after = sphere_pixels(picture(name))
-    check(f"{name[3:]}: the picture follows", np.abs(after - before).mean() > least)
-    check(f"{name[3:]}: nothing is magenta", not magenta(after))
-    for what, act, expected in (("undo", undo, before), ("redo", redo, after)):
-        for _ in range(steps):
-            act()
-            yield 0.2
-        yield from settle(f"{name}-{what}", 2.0, 0.6)
-        difference = np.abs(sphere_pixels(picture(f"{name}-{what}")) - expected).mean()
-        if difference >= SAME:
-            report.setdefault("differences", {})[f"{name} {what}"] = float(difference)
-        check(f"{name[3:]}: {what} shows it as it was", difference < SAME)
-
-
-def show_rendered() -> None:
-    """Blender opens files in solid shading, whatever they were saved in."""
-    viewport()["area"].spaces.active.shading.type = "RENDERED"
-
-
 def add_disc() -> None:
     """Where it shades the middle of the sphere from the sun, out of the view's way."""
     towards_sun = bpy.data.objects["Sun"].matrix_world.to_quaternion() @ Vector((0.0, 0.0, 1.0))
@@ -455,24 +408,9 @@ def add_disc() -> None:
     bpy.ops.ed.undo_push(message="Name")
 
 
-def select_sphere() -> None:
-    for item in bpy.context.view_layer.objects:
-        item.select_set(item.name == "Sphere")
-    bpy.context.view_layer.objects.active = bpy.data.objects["Sphere"]
-
-
-def shown() -> bpy.types.Material | None:
-    return bpy.data.objects["Sphere"].active_material
-
-
 def part(name: str):
     """A module of the extension."""
     return sys.modules[f"{MODULE}.{name}"]
-
-
-def magenta(pixels: np.ndarray) -> bool:
-    """How EEVEE shows a material without its image, or with too many of them."""
-    return bool(((pixels[..., 0] > 0.9) & (pixels[..., 1] < 0.1) & (pixels[..., 2] > 0.9)).any())
 
 
 def image_editors() -> list[bpy.types.Area]:

@@ -5,6 +5,7 @@ A script is a generator of waits: seconds, or something to become true. See READ
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -21,6 +22,7 @@ SOURCE = FOLDER / "sample" / "wool.btf"
 DATASET, MODEL = SOURCE.with_suffix(".nacre"), SOURCE.with_suffix(".exr")
 MODULE = "bl_ext.user_default.nacre"
 LIMIT = 240.0
+SAME, CHANGED = 0.008, 0.02  # mean differences of the sphere's picture
 # Blender cannot picture its own window on every driver.
 SCREENSHOT = os.environ.get("NACRE_SCREENSHOT", "fb-png").split()
 
@@ -142,6 +144,22 @@ def set_up() -> Iterator[Wait]:
     picture("1-empty")
 
 
+def import_sample() -> Iterator[Wait]:
+    """The measured file alone in its folder, imported over a sphere under a sun."""
+    if SOURCE.parent.exists():
+        shutil.rmtree(SOURCE.parent)
+    SOURCE.parent.mkdir(parents=True)
+    shutil.copy(BTF, SOURCE)
+    bpy.context.preferences.view.show_splash = False
+    press("ESC")  # the splash screen
+    yield 0.5
+    yield from set_up()
+    call(bpy.ops.nacre.import_btf, filepath=str(SOURCE))
+    yield 1.0
+    press("RET")
+    yield lambda: settings().dataset != ""
+
+
 def settle(name: str, least: float = 6.0, every: float = 1.5) -> Iterator[Wait]:
     """Wait until the sphere is not grey as before its shader is compiled, and stands still."""
     last, still = None, 0
@@ -152,6 +170,67 @@ def settle(name: str, least: float = 6.0, every: float = 1.5) -> Iterator[Wait]:
         same = last is not None and np.abs(now - last).max() < 0.02
         still = still + 1 if same and time.monotonic() - begun > least else 0
         last = now
+
+
+# --- what steps share -----------------------------------------------------------------------------
+
+
+def step(
+    name: str, action: Callable[[], None], steps: int = 1, least: float = CHANGED
+) -> Iterator[Wait]:
+    """Something that changes the picture by `least`; undone and redone."""
+    before = sphere_pixels(picture(name))
+    action()
+    yield 0.2
+    yield lambda: job() is None
+    begun = time.monotonic()
+    yield (
+        lambda: (
+            np.abs(sphere_pixels(picture(name)) - before).mean() > least
+            or time.monotonic() - begun > 20.0
+        )
+    )
+    yield from settle(name, 1.5, 0.6)
+    after = sphere_pixels(picture(name))
+    check(f"{name[3:]}: the picture follows", np.abs(after - before).mean() > least)
+    check(f"{name[3:]}: nothing is magenta", not magenta(after))
+    for what, act, expected in (("undo", undo, before), ("redo", redo, after)):
+        for _ in range(steps):
+            act()
+            yield 0.2
+        # EEVEE shows the last picture until it has compiled.
+        begun = time.monotonic()
+        yield (
+            lambda since=begun, wanted=expected, of=f"{name}-{what}": (
+                np.abs(sphere_pixels(picture(of)) - wanted).mean() < SAME
+                or time.monotonic() - since > 20.0
+            )
+        )
+        yield from settle(f"{name}-{what}", 2.0, 0.6)
+        difference = np.abs(sphere_pixels(picture(f"{name}-{what}")) - expected).mean()
+        if difference >= SAME:
+            report.setdefault("differences", {})[f"{name} {what}"] = float(difference)
+        check(f"{name[3:]}: {what} shows it as it was", difference < SAME)
+
+
+def show_rendered() -> None:
+    """Blender opens files in solid shading, whatever they were saved in."""
+    viewport()["area"].spaces.active.shading.type = "RENDERED"
+
+
+def select_sphere() -> None:
+    for item in bpy.context.view_layer.objects:
+        item.select_set(item.name == "Sphere")
+    bpy.context.view_layer.objects.active = bpy.data.objects["Sphere"]
+
+
+def shown() -> bpy.types.Material | None:
+    return bpy.data.objects["Sphere"].active_material
+
+
+def magenta(pixels: np.ndarray) -> bool:
+    """How EEVEE shows a material without its image, or with too many of them."""
+    return bool(((pixels[..., 0] > 0.9) & (pixels[..., 1] < 0.1) & (pixels[..., 2] > 0.9)).any())
 
 
 # --- the clock ------------------------------------------------------------------------------------

@@ -1,0 +1,162 @@
+"""One file, any quality: a sparse model made and looked at by its slider.
+
+    blender --enable-event-simulate --python tests/gui/slider.py -- BTF FOLDER
+
+The method SparseBTF with the dictionaries that Nacre comes with, the material, the slider moved,
+dragged, undone and redone, in EEVEE and in the engine, and the file reopened. FOLDER takes pictures
+of the window and `report.json`. See README.md.
+"""
+
+import sys
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+from window import (
+    FOLDER,
+    MODEL,
+    Wait,
+    call,
+    check,
+    import_sample,
+    job,
+    magenta,
+    picture,
+    redo,
+    report,
+    settings,
+    settle,
+    show_rendered,
+    shown,
+    sphere_pixels,
+    start,
+    undo,
+)
+
+BLEND = FOLDER / "sample" / "slider.blend"
+BEST = 64
+STEPS = (1, 4, 16, BEST)
+
+
+def story() -> Iterator[Wait]:
+    yield from import_sample()
+    yield from compress()
+    yield from create_material()
+    yield from move_the_slider()
+    yield from undo_the_slider()
+    yield from drag_the_slider()
+    yield from draw_with_nacre()
+    yield from reopen()
+
+
+# --- steps ----------------------------------------------------------------------------------------
+
+
+def compress() -> Iterator[Wait]:
+    settings().method = "SPARSE"
+    yield 1.0
+    picture("01-compress-panel")
+    check("the panel names the dictionaries", "8 for Y" in settings().ensemble_facts)
+    call(bpy.ops.nacre.compress)
+    yield lambda: job() is None and settings().model_facts != ""
+    check("the model is there", settings().model == str(MODEL))
+    check("its quality is said", f"SparseBTF({BEST})" in settings().model_facts)
+
+
+def create_material() -> Iterator[Wait]:
+    call(bpy.ops.nacre.create_material)
+    yield lambda: shown() is not None and shown().nacre.quality == BEST
+    shown().node_tree.nodes["Repeat"].inputs[1].default_value = (6, 3, 1)
+    bpy.ops.ed.undo_push(message="Repeat")
+    show_rendered()
+    yield from settle("02-created")
+    pixels = sphere_pixels(picture("02-created"))
+    check("the sphere is lit and has detail", pixels.mean() > 0.02 and pixels.std() > 0.01)
+    check("nothing is magenta", not magenta(pixels))
+
+
+def move_the_slider() -> Iterator[Wait]:
+    """The picture nears that of the best quality with every step."""
+    best = sphere_pixels(picture("02-created"))
+    errors = []
+    for quality in STEPS:
+        begun = time.monotonic()
+        slide(quality)
+        yield from settle(f"03-quality-{quality}", 1.0, 0.4)
+        report["seconds"][f"quality {quality}, still for a second"] = time.monotonic() - begun
+        errors.append(float(np.abs(sphere_pixels(picture(f"03-quality-{quality}")) - best).mean()))
+    report["differences from the best"] = errors
+    check("every step is nearer to the best", all(b < a for a, b in pairwise(errors)))
+    check("and the last one is it", errors[-1] < 0.1 * errors[0])
+
+
+def undo_the_slider() -> Iterator[Wait]:
+    best, least = (sphere_pixels(picture(f"03-quality-{quality}")) for quality in (BEST, 1))
+    apart = np.abs(best - least).mean()
+    slide(1)
+    yield from settle("04-before-undo", 1.0, 0.4)
+    for name, act, quality, wanted in (("undo", undo, BEST, best), ("redo", redo, 1, least)):
+        act()
+        yield from settle(f"04-{name}", 2.0, 0.5)
+        check(f"{name} brings the slider back", shown().nacre.quality == quality)
+        now = sphere_pixels(picture(f"04-{name}"))
+        check(f"{name} brings the picture back", np.abs(now - wanted).mean() < 0.1 * apart)
+
+
+def drag_the_slider() -> Iterator[Wait]:
+    """As a hand does: many values, faster than tables are made."""
+    for quality in range(1, BEST + 1):
+        shown().nacre.quality = quality
+        yield 0.03
+    bpy.ops.ed.undo_push(message="Quality")
+    yield from settle("05-dragged", 2.0, 0.5)
+    best, least = (sphere_pixels(picture(f"03-quality-{quality}")) for quality in (BEST, 1))
+    now = sphere_pixels(picture("05-dragged"))
+    check("the last value is shown", np.abs(now - best).mean() < 0.1 * np.abs(best - least).mean())
+
+
+def draw_with_nacre() -> Iterator[Wait]:
+    eevee = sphere_pixels(picture("06-eevee"))
+    before = bpy.context.scene.render.engine
+    bpy.context.scene.render.engine = "NACRE"
+    yield from settle("06-nacre", 2.0, 0.7)
+    nacre = sphere_pixels(picture("06-nacre"))
+    check("the engine's picture is EEVEE's", np.abs(nacre - eevee).mean() < 0.02)
+    slide(1)
+    yield from settle("06-nacre-1", 2.0, 0.7)
+    changed = np.abs(sphere_pixels(picture("06-nacre-1")) - nacre).mean()
+    check("the engine follows the slider", changed > 0.001)
+    bpy.context.scene.render.engine = before
+    slide(BEST)
+    yield from settle("06-eevee-again", 2.0, 0.7)
+
+
+def reopen() -> Iterator[Wait]:
+    slide(16)
+    yield from settle("07-saved", 2.0, 0.5)
+    before = sphere_pixels(picture("07-saved"))
+    bpy.ops.wm.save_as_mainfile(filepath=str(BLEND))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    yield 0.5
+    bpy.ops.wm.open_mainfile(filepath=str(BLEND))
+    show_rendered()
+    yield from settle("07-reopened")
+    check("the slider stands where it was", shown().nacre.quality == 16)
+    after = sphere_pixels(picture("07-reopened"))
+    check("the picture is as it was", np.abs(after - before).mean() < 0.005)
+
+
+# --- what steps share -----------------------------------------------------------------------------
+
+
+def slide(quality: int) -> None:
+    shown().nacre.quality = quality
+    bpy.ops.ed.undo_push(message="Quality")
+
+
+start(story())
