@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -25,14 +25,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from addon.datasets.dataset import Dataset
-from addon.models.clustered_tucker import expand
 from addon.models.domain import TO_RGB, TO_YUV
-from addon.models.sparse.model import Codes, room_of
+from addon.models.sparse.ensemble import Ensemble
+from addon.models.sparse.model import Codes, SparseBtf, room_of
 from addon.models.sparse.patches import tiling
 from addon.models.sparse.split import divided
 from addon.models.sparse.subspace import Subspace
 from addon.models.sparse.training import SPARSITY, SUBSPACE
-from addon.models.sparse.transform import OFFSET
+from addon.models.sparse.transform import OFFSET, Normalisation
 
 from ._data import OUT
 from ._report import table
@@ -51,12 +51,12 @@ Values = NDArray[np.floating]
 class Processing:
     """Colours as they are coded, and back.
 
-    `images` gives of an image's values (y, x, 3) its means and deviations, (3,) each."""
+    `images` gives of an image's values (y, x, 3) its means (3,) and its deviation."""
 
     name: str
     to: Callable[[Values], Values]
     back: Callable[[Values], Values]
-    images: Callable[[Values], tuple[Values, Values]]
+    images: Callable[[Values], tuple[Values, float]]
     weights: Values
     """What a coefficient of each channel counts in R, G and B."""
 
@@ -115,16 +115,16 @@ def stages() -> list[Processing]:
     ]  # fmt: skip
 
 
-def nothing(values: Values) -> tuple[Values, Values]:
-    return np.zeros(3, np.float32), np.ones(3, np.float32)
+def nothing(values: Values) -> tuple[Values, float]:
+    return np.zeros(3), 1.0
 
 
-def mean_of_each(values: Values) -> tuple[Values, Values]:
-    return values.mean((0, 1), dtype=np.float64), np.ones(3)
+def mean_of_each(values: Values) -> tuple[Values, float]:
+    return values.mean((0, 1), dtype=np.float64), 1.0
 
 
-def mean_and_deviation(values: Values) -> tuple[Values, Values]:
-    return np.full(3, values.mean()), np.full(3, max(float(values.std()), 1e-6))
+def mean_and_deviation(values: Values) -> tuple[Values, float]:
+    return np.full(3, values.mean()), max(float(values.std()), 1e-6)
 
 
 class Processed:
@@ -135,11 +135,12 @@ class Processed:
         height, width = dataset.shape[2:4]
         self.origins = tiling(height, width, PATCH)
         lights, views = dataset.shape[:2]
-        self.mean, self.deviation = (np.empty((lights, views, 1, 1, 3), np.float32) for _ in "md")
+        mean = np.empty((lights, views, 3), np.float32)
+        deviation = np.empty((lights, views), np.float32)
         for light in range(lights):
             for view, values in enumerate(processing.to(self._samples(light))):
-                found = processing.images(values)
-                self.mean[light, view, 0, 0], self.deviation[light, view, 0, 0] = found
+                mean[light, view], deviation[light, view] = processing.images(values)
+        self.images = Normalisation(mean, deviation, 0.0)
 
     def _samples(self, *part: int | slice) -> NDArray[np.float32]:
         return np.asarray(self.dataset.samples[part], np.float32)
@@ -150,17 +151,11 @@ class Processed:
 
     def patches(self) -> Iterator[NDArray[np.float32]]:
         """(3, y, x, light, view) of each."""
+        mean = self.images.mean[:, :, None, None]
+        deviation = self.images.deviation[..., None, None, None]
         for origin in self.origins:
-            values = (self.processing.to(self.colours(*origin)) - self.mean) / self.deviation
+            values = (self.processing.to(self.colours(*origin)) - mean) / deviation
             yield np.ascontiguousarray(values.transpose(4, 2, 3, 0, 1), np.float32)
-
-    def linear(self, patch: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The colours (light, view, y, x, 3) of a patch."""
-        values = patch.transpose(3, 4, 1, 2, 0) * self.deviation + self.mean
-        return self.processing.back(values)
-
-
-Ensemble = dict[str, list[NDArray[np.float32]]]
 
 
 def trained(materials: list[Dataset], processing: Processing, folder: Path) -> Ensemble:
@@ -181,8 +176,8 @@ def trained(materials: list[Dataset], processing: Processing, folder: Path) -> E
             result = nacre_native.fit_ensemble(
                 reduced, dictionaries=DICTIONARIES, sparsity=SPARSITY[key], sweeps=SWEEPS
             )
-            found[key] = within.expand(result["dictionaries"])
-    return found
+            found[key] = tuple(within.expand(result["dictionaries"]))
+    return Ensemble(PATCH, materials[0].light, materials[0].view, found, 0.0)
 
 
 def errors(dataset: Dataset, processing: Processing, ensemble: Ensemble) -> Iterator[float]:
@@ -192,19 +187,22 @@ def errors(dataset: Dataset, processing: Processing, ensemble: Ensemble) -> Iter
     found: dict[str, list[dict[str, NDArray]]] = {key: [] for key in CHANNELS}
     for patch in processed.patches():
         for key, values in zip(CHANNELS, patch, strict=True):
-            codes = nacre_native.code_patches(values[None], tuple(ensemble[key]), most)
+            codes = nacre_native.code_patches(values[None], ensemble.dictionaries[key], most)
             found[key].append(codes)
     codes = {key: Codes(*(np.concatenate([one[name] for one in own]).T
                           for name in ("positions", "values", "members"))).rounded()
              for key, own in found.items()}  # fmt: skip
+    height, width = dataset.shape[2:4]
+    whole = SparseBtf(height, width, ensemble, processed.images, codes, dataset={})
     for quality in QUALITIES:
         room = room_of(quality, tuple(CHANNELS), PATCH)
         counts = _divided(codes, processing, room, len(processed.origins))
+        model = replace(whole, codes={key: own.first(counts[key]) for key, own in codes.items()})
         total = 0.0
-        for number, origin in enumerate(processed.origins):
-            patch = np.stack([_decoded(codes[key].first(counts[key]), number, ensemble[key])
-                              for key in CHANNELS])  # fmt: skip
-            difference = processed.linear(patch) - processed.colours(*origin)
+        for y, x in processed.origins:
+            part = {"y": slice(y, y + PATCH[0]), "x": slice(x, x + PATCH[1])}
+            # What the model takes for logarithms is what this processing makes of the colours.
+            difference = processing.back(model.logarithms(**part)) - processed.colours(y, x)
             total += float(np.mean(np.square(difference, dtype=np.float64)))
         yield total / len(processed.origins)
 
@@ -219,16 +217,6 @@ def _divided(
     magnitudes = {key: np.abs(codes[key].values.ravel()) * weight
                   for key, weight in zip(CHANNELS, processing.weights, strict=True)}  # fmt: skip
     return divided(magnitudes, room, patches)
-
-
-def _decoded(
-    codes: Codes, patch: int, dictionaries: list[NDArray[np.float32]]
-) -> NDArray[np.float32]:
-    """One channel (y, x, light, view) of a patch."""
-    factors = [matrices[codes.members[patch]] for matrices in dictionaries]
-    sparse = np.zeros([len(factor) for factor in factors], np.float32)
-    np.add.at(sparse.reshape(-1), codes.positions[:, patch], codes.values[:, patch])
-    return expand(sparse, factors)
 
 
 if __name__ == "__main__":
