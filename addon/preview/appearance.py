@@ -164,8 +164,8 @@ def _unpack(name: str, _images: tuple[int, ...]) -> Tables | SparseLayout:
 def _blended(
     node: bpy.types.ShaderNodeGroup, alone: Tables | SparseLayout
 ) -> tuple[Tables | SparseLayout, tuple[float, ...], str]:
-    """The blend that a material's node shows and its weights, or a model alone; and why where the
-    engine cannot mix them."""
+    """The blend that a material's node shows and its weights, or a model alone; and what the engine
+    does not show of it."""
     from ..nodes.sparse_blend import MIX, blended_with
 
     second = blended_with(node.node_tree)
@@ -176,8 +176,10 @@ def _blended(
         both = _unpack_blend(node.node_tree.name_full, _images(node.node_tree), images)
     except NacreError as error:
         return alone, (), f"shown unmixed ({error})"
-    mix = node.inputs[MIX].default_value
-    return both, (1.0 - mix, mix), ""
+    socket = node.inputs[MIX]
+    mix = socket.default_value
+    message = f"mixed by {mix:.2g} all over, not by what is linked" if socket.is_linked else ""
+    return both, (1.0 - mix, mix), message
 
 
 @lru_cache(maxsize=KEPT)

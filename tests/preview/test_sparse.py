@@ -266,12 +266,17 @@ def test_a_material_shows_the_blend_that_its_nodes_hold():
         before = appearance_of(material)
         node.inputs["Mix"].default_value = 1.0
         after = appearance_of(material)
+        value = material.node_tree.nodes.new("ShaderNodeValue")
+        material.node_tree.links.new(value.outputs[0], node.inputs["Mix"])
+        linked = appearance_of(material)
         set_blended(material, random_sparse_tables(size=16, texels=(16, 20)))
         unlike = appearance_of(material)
     finally:
         addon.unregister()
     assert (before.weights, after.weights) == ((0.75, 0.25), (0.0, 1.0))
-    assert before.btf is after.btf
+    assert before.btf is after.btf and not after.message
+    assert linked.weights == after.weights
+    assert linked.message == "Sparse: mixed by 1 all over, not by what is linked"
     assert constants(before.btf) == constants(laid_out(tables, second))
     assert unlike.weights == () and constants(unlike.btf) == constants(laid_out(tables))
     assert "Sparse: shown unmixed" in unlike.message and "height 16, not 12" in unlike.message
