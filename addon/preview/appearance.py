@@ -39,7 +39,7 @@ class WorldLight:
 @dataclass(frozen=True)
 class Appearance:
     """Tables of a BTF or of occlusion, or neither; `message` says why a model could not be read or
-    mixed.
+    mixed, `note` what of it is shown otherwise.
 
     `coordinates` (H, W, 2) is the map that lays the patch anew, `lights` names the collection that
     lights it; "" for the scene. Visibility is Eq. 26's threshold and weight, `repeat` the patches
@@ -58,6 +58,7 @@ class Appearance:
     masks: NDArray[np.floating] | None = None
     base: tuple[float, float, float] = (0.8, 0.8, 0.8)
     message: str = ""
+    note: str = ""
 
 
 def final_appearance_of(material: bpy.types.Material | None) -> Appearance:
@@ -101,6 +102,7 @@ def _packed_appearance(material: bpy.types.Material, final: bool) -> Appearance 
     """What the material's own node groups hold, as EEVEE and Cycles show it: no file is read."""
     try:
         from ..nodes.material import COVERAGE_NODE, FINAL_NODE, MODEL_NODE
+        from ..nodes.sparse_blend import MIX
     except ImportError:  # without the compiled packages
         return None
     nodes = material.node_tree.nodes if material.node_tree is not None else {}
@@ -110,6 +112,10 @@ def _packed_appearance(material: bpy.types.Material, final: bool) -> Appearance 
     if btf is None:
         return None
     btf, weights, message = _blended(node, btf)
+    mix = node.inputs.get(MIX) if weights else None
+    note = ""
+    if mix is not None and mix.is_linked:
+        note = f"{material.name}: mixed by {mix.default_value:.2g} all over, not by what is linked"
     coverage = nodes.get(COVERAGE_NODE)
     occlusion, visibility = None, Appearance.visibility
     if coverage is not None:
@@ -125,6 +131,7 @@ def _packed_appearance(material: bpy.types.Material, final: bool) -> Appearance 
         repeat=_repeat(material),
         weights=weights,
         message=message and f"{material.name}: {message}",
+        note=note,
     )
 
 
@@ -164,8 +171,8 @@ def _unpack(name: str, _images: tuple[int, ...]) -> Tables | SparseLayout:
 def _blended(
     node: bpy.types.ShaderNodeGroup, alone: Tables | SparseLayout
 ) -> tuple[Tables | SparseLayout, tuple[float, ...], str]:
-    """The blend that a material's node shows and its weights, or a model alone; and what the engine
-    does not show of it."""
+    """The blend that a material's node shows and its weights, or a model alone; and why where the
+    engine cannot mix them."""
     from ..nodes.sparse_blend import MIX, blended_with
 
     second = blended_with(node.node_tree)
@@ -176,10 +183,8 @@ def _blended(
         both = _unpack_blend(node.node_tree.name_full, _images(node.node_tree), images)
     except NacreError as error:
         return alone, (), f"shown unmixed ({error})"
-    socket = node.inputs[MIX]
-    mix = socket.default_value
-    message = f"mixed by {mix:.2g} all over, not by what is linked" if socket.is_linked else ""
-    return both, (1.0 - mix, mix), message
+    mix = node.inputs[MIX].default_value
+    return both, (1.0 - mix, mix), ""
 
 
 @lru_cache(maxsize=KEPT)

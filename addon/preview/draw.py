@@ -88,7 +88,9 @@ def prepare(
     for name in {item.appearance.lights for item in items} - {""}:
         collection = bpy.data.collections.get(name)
         lights[name] = collection_lights(collection, depsgraph) if collection else []
-    messages = sorted({item.appearance.message for item in items} - {""})
+    messages = sorted(
+        {text for item in items for text in (item.appearance.message, item.appearance.note)} - {""}
+    )
     messages += [
         f"{len(several)} lights: the first {LIGHTS} are drawn"
         for several in lights.values()
