@@ -1,6 +1,6 @@
 """Make the ensembles that Nacre comes with, addon/ensembles.
 
-    python -m benchmarks.ensembles FOLDER [DIRECTIONS]
+    python -m benchmarks.recipes.ensembles FOLDER [DIRECTIONS]
 
 DIRECTIONS are ubo81 or ubo151 (default: both). FOLDER/DIRECTIONS gets six measured materials, where
 they are not there (an hour or more), and what is trained on them: eight dictionaries a part, all
@@ -15,14 +15,14 @@ from pathlib import Path
 
 from addon.models.sparse.files import SHIPPED
 
-from ._sparse_sets import SETS, trained
+from .._sparse_sets import SETS, trained
 
 DICTIONARIES = 8
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.ensembles", description=__doc__,
+        prog="python -m benchmarks.recipes.ensembles", description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("folder", type=Path)
