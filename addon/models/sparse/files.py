@@ -28,7 +28,7 @@ QUALITIES = (1, 2, 4, 8, 16, 24, 32, 48, 64, 96, 128, 192, 256)
 """Latent-equivalents at which a file may be cut; the last level is the model's own quality."""
 
 SHIPPED = Path(__file__).parents[2] / "ensembles"
-"""Trained on scenes of Nacre's own (benchmarks/recipes/ensembles.py), one for a set of directions."""
+"""Trained on Nacre's own scenes (benchmarks/recipes/ensembles.py), one for each directions."""
 
 _MODES = ("y", "x", "light", "view", "colour")
 
