@@ -43,6 +43,24 @@ class Pca:
             total += float(np.vdot(rows, rows)) - float(np.vdot(inside, inside))
         return total / (len(places) * len(self.mean))
 
+    def pictures(
+        self, dataset: Dataset, pairs: Sequence[tuple[int, int]]
+    ) -> list[NDArray[np.float32]]:
+        """A dataset's texels projected on the components (y, x, channel), for pairs of light and
+        view."""
+        _, views, height, width, channels = dataset.shape
+        inside = np.concatenate([
+            (_texels(dataset, some) - self.mean) @ self.columns
+            for some in np.array_split(np.arange(height * width), 8)
+        ])  # fmt: skip
+        found = []
+        for light, view in pairs:
+            first = (light * views + view) * channels
+            rows = slice(first, first + channels)
+            values = self.mean[rows] + inside @ self.columns[rows].T
+            found.append(values.reshape(height, width, channels))
+        return found
+
 
 def _texels(dataset: Dataset, places: NDArray[np.integer]) -> NDArray[np.float32]:
     """Some texels (n, light * view * channel), all that is measured of each."""

@@ -15,6 +15,7 @@ from ._measured import measured
 
 TRAINING = ("studs", "roughhole", "lacquer", "woven_hair", "fibre", "translucent_wax")
 UNSEEN = ("satin", "displaced_voronoi")
+QUALITIES = (16, 32, 64, 128, 256)
 
 # Texels along a side, paths a texel (None for the scene's own), and texels along a patch's side.
 SETS = {"ubo81": (64, None, 8), "ubo151": (60, 4, 10)}

@@ -30,10 +30,9 @@ from addon.models.sparse.model import SparseBtf
 from ._data import OUT
 from ._pca import Pca
 from ._report import bar, table
-from ._sparse_sets import TRAINING, UNSEEN, datasets, error, trained
+from ._sparse_sets import QUALITIES, TRAINING, UNSEEN, datasets, error, trained
 
 DICTIONARIES = (2, 4, 8)
-QUALITIES = (16, 32, 64, 128, 256)
 PCA_TEXELS = 600
 """Of each material that a basis is learned from: their inner products have to fit into memory."""
 
