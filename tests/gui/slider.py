@@ -4,7 +4,8 @@
 
 The method SparseBTF with the dictionaries that Nacre comes with, the material, the slider moved,
 dragged, undone and redone, in EEVEE and in the engine, and the file reopened. FOLDER takes pictures
-of the window and `report.json`. See README.md.
+of the window and `report.json`. The file named by the variable REAL_BLENDER_READY appears at the
+end.
 """
 
 import sys
