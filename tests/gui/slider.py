@@ -10,7 +10,7 @@ end.
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -48,9 +48,9 @@ def story() -> Iterator[Wait]:
     yield from import_sample()
     yield from compress()
     yield from create_material()
-    yield from move_the_slider()
-    yield from undo_the_slider()
-    yield from drag_the_slider()
+    seen = yield from move_the_slider()
+    yield from undo_the_slider(seen[BEST], seen[1])
+    yield from drag_the_slider(seen[BEST], seen[1])
     yield from draw_with_nacre()
     yield from reopen()
 
@@ -81,23 +81,24 @@ def create_material() -> Iterator[Wait]:
     check("nothing is magenta", not magenta(pixels))
 
 
-def move_the_slider() -> Iterator[Wait]:
-    """The picture nears that of the best quality with every step."""
+def move_the_slider() -> Generator[Wait, None, dict[int, np.ndarray]]:
+    """The picture nears that of the best quality with every step; what each quality looks like."""
     best = sphere_pixels(picture("02-created"))
-    errors = []
+    seen = {}
     for quality in STEPS:
         begun = time.monotonic()
         slide(quality)
         yield from settle(f"03-quality-{quality}", 1.0, 0.4)
         report["seconds"][f"quality {quality}, still for a second"] = time.monotonic() - begun
-        errors.append(float(np.abs(sphere_pixels(picture(f"03-quality-{quality}")) - best).mean()))
+        seen[quality] = sphere_pixels(picture(f"03-quality-{quality}"))
+    errors = [float(np.abs(pixels - best).mean()) for pixels in seen.values()]
     report["differences from the best"] = errors
     check("every step is nearer to the best", all(b < a for a, b in pairwise(errors)))
     check("and the last one is it", errors[-1] < 0.1 * errors[0])
+    return seen
 
 
-def undo_the_slider() -> Iterator[Wait]:
-    best, least = (sphere_pixels(picture(f"03-quality-{quality}")) for quality in (BEST, 1))
+def undo_the_slider(best: np.ndarray, least: np.ndarray) -> Iterator[Wait]:
     apart = np.abs(best - least).mean()
     slide(1)
     yield from settle("04-before-undo", 1.0, 0.4)
@@ -109,14 +110,13 @@ def undo_the_slider() -> Iterator[Wait]:
         check(f"{name} brings the picture back", np.abs(now - wanted).mean() < 0.1 * apart)
 
 
-def drag_the_slider() -> Iterator[Wait]:
+def drag_the_slider(best: np.ndarray, least: np.ndarray) -> Iterator[Wait]:
     """As a hand does: many values, faster than tables are made."""
     for quality in range(1, BEST + 1):
         shown().nacre.quality = quality
         yield 0.03
     bpy.ops.ed.undo_push(message="Quality")
     yield from settle("05-dragged", 2.0, 0.5)
-    best, least = (sphere_pixels(picture(f"03-quality-{quality}")) for quality in (BEST, 1))
     now = sphere_pixels(picture("05-dragged"))
     check("the last value is shown", np.abs(now - best).mean() < 0.1 * np.abs(best - least).mean())
 
