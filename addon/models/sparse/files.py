@@ -19,7 +19,7 @@ from ...errors import NacreError
 from ..exr_arrays import read_arrays, read_description, read_growing, write_arrays
 from .authors import is_authors_folder, load_authors_ensemble
 from .ensemble import Ensemble, orthonormal
-from .model import Codes, SparseBtf, shares
+from .model import Codes, SparseBtf, counts_at
 from .transform import Normalisation
 
 ENSEMBLE, MODEL = "sparse-ensemble", "sparse"
@@ -72,7 +72,7 @@ def save_sparse(model: SparseBtf, path: str | os.PathLike[str]) -> None:
     qualities = [quality for quality in QUALITIES if quality < model.quality] + [model.quality]
     begin = dict.fromkeys(model.codes, 0)
     for quality in qualities:
-        ends = shares(model.sparsity, quality / model.quality)
+        ends = counts_at(model.sparsity, quality, model.ensemble.patch)
         for key, codes in model.codes.items():
             part = slice(begin[key], ends[key])
             if ends[key] > begin[key]:

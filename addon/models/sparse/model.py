@@ -200,11 +200,11 @@ class SparseBtf:
         return tuple(matrices.shape[2] for matrices in self.ensemble.dictionaries[key])
 
     def truncated(self, quality: int) -> SparseBtf:
-        """The model with no more than `quality` latent-equivalents: the same share of every patch's
-        coefficients, the most important ones."""
+        """The model with no more than `quality` latent-equivalents: the most important ones of
+        every patch's coefficients, as many of each (`counts_at`)."""
         if quality >= self.quality:
             return self
-        counts = shares(self.sparsity, quality / self.quality)
+        counts = counts_at(self.sparsity, quality, self.ensemble.patch)
         codes = {key: own.first(counts[key]) for key, own in self.codes.items()}
         return replace(self, codes=codes, quality=quality, complete=False)
 
@@ -220,14 +220,25 @@ def quality_of(sparsity: Mapping[str, int], patch: tuple[int, int]) -> int:
     return -(-size // (2 * prod(patch)))
 
 
+def counts_at(sparsity: Mapping[str, int], quality: int, patch: tuple[int, int]) -> dict[str, int]:
+    """How many of a model's coefficients a lower quality has: the same share of each part's, but at
+    least one, and all of them at the model's own quality."""
+    room = _room(quality, len(sparsity), patch)
+    return shares(sparsity, min(1.0, room / sum(sparsity.values())))
+
+
 def room_of(quality: int, keys: tuple[str, ...], patch: tuple[int, int]) -> int:
     """How many coefficients of a patch take at most 2 N bytes a texel, all parts together.
 
     NacreError where not even one for each part does."""
-    room = (2 * quality * prod(patch) - PATCH_BYTES * len(keys)) // COEFFICIENT_BYTES
+    room = _room(quality, len(keys), patch)
     if room < len(keys):
         raise NacreError(
             f"quality {quality}: one coefficient of each of {', '.join(keys)} in patches of "
             f"{patch[1]} x {patch[0]} texels is quality {quality_of(dict.fromkeys(keys, 1), patch)}"
         )
     return room
+
+
+def _room(quality: int, parts: int, patch: tuple[int, int]) -> int:
+    return (2 * quality * prod(patch) - PATCH_BYTES * parts) // COEFFICIENT_BYTES
