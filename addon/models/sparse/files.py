@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
+from math import prod
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -20,6 +21,7 @@ from ..exr_arrays import read_arrays, read_description, read_growing, write_arra
 from .authors import is_authors_folder, load_authors_ensemble
 from .ensemble import Ensemble, orthonormal
 from .model import Codes, SparseBtf, counts_at
+from .packing import pack, unpack
 from .transform import Normalisation
 
 ENSEMBLE, MODEL = "sparse-ensemble", "sparse"
@@ -70,16 +72,18 @@ def save_sparse(model: SparseBtf, path: str | os.PathLike[str]) -> None:
         arrays[f"members_{key}"] = codes.members[None]
         axes[f"members_{key}"] = ["part", "patch"]
     qualities = [quality for quality in QUALITIES if quality < model.quality] + [model.quality]
-    begin = dict.fromkeys(model.codes, 0)
+    begin, counts = dict.fromkeys(model.codes, 0), {}
+    size = {key: _positions(model.ensemble, key) for key in model.codes}
     for quality in qualities:
         ends = counts_at(model.sparsity, quality, model.ensemble.patch)
         for key, codes in model.codes.items():
             part = slice(begin[key], ends[key])
             if ends[key] > begin[key]:
-                steps, values = _by_position(codes.positions[part], codes.values[part])
-                for name, array in (("steps", steps), ("values", values)):
-                    arrays[f"{name}_{key}_{quality}"] = array
-                    axes[f"{name}_{key}_{quality}"] = ["coefficient", "patch"]
+                arrays[f"codes_{key}_{quality}"] = pack(
+                    codes.positions[part], codes.values[part], size[key], codes.largest
+                )
+                axes[f"codes_{key}_{quality}"] = ["patch", "word"]
+                counts[f"codes_{key}_{quality}"] = ends[key] - begin[key]
         begin = ends
     description = {
         "kind": "btf",
@@ -88,6 +92,8 @@ def save_sparse(model: SparseBtf, path: str | os.PathLike[str]) -> None:
         "size": [model.height, model.width],
         "sparsity": model.sparsity,
         "qualities": qualities,
+        "counts": counts,
+        "largest": {key: codes.largest for key, codes in model.codes.items()},
         "dataset": dict(model.dataset),
         "fit": dict(model.fit),
     }
@@ -176,11 +182,15 @@ def _model(
         wanted = [q for q in whole if quality is None or q <= quality]
         if whole and not wanted:
             raise NacreError(f"{path}: its lowest quality is {whole[0]}, not {quality}")
-        codes = {key: _codes(arrays, key, wanted) for key in description["sparsity"]}
+        ensemble = _ensemble(arrays, description)
+        codes = {
+            key: _codes(arrays, description, key, _positions(ensemble, key), wanted)
+            for key in description["sparsity"]
+        }
         return SparseBtf(
             height=description["size"][0],
             width=description["size"][1],
-            ensemble=_ensemble(arrays, description),
+            ensemble=ensemble,
             normalised=Normalisation(arrays["mean"], arrays["deviation"], description["offset"]),
             codes=codes,
             dataset=description["dataset"],
@@ -201,9 +211,7 @@ def _levels(arrays: dict[str, NDArray[Any]], description: dict[str, Any]) -> lis
     whole = []
     for quality in description["qualities"]:
         names = [
-            name
-            for name in expected
-            if name.startswith(("steps_", "values_")) and name.endswith(f"_{quality}")
+            name for name in expected if name.startswith("codes_") and name.endswith(f"_{quality}")
         ]
         if any(name not in arrays for name in names):
             break
@@ -211,34 +219,23 @@ def _levels(arrays: dict[str, NDArray[Any]], description: dict[str, Any]) -> lis
     return whole
 
 
-def _by_position(
-    positions: NDArray[np.uint32], values: NDArray[np.float32]
-) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
-    """A level of quality in the order of positions, and the steps from each to the next: small
-    numbers, which take few bytes."""
-    order = np.argsort(positions, 0, kind="stable")
-    ordered = np.take_along_axis(positions, order, 0)
-    steps = np.diff(ordered, axis=0, prepend=np.zeros_like(ordered[:1]))
-    return steps, np.take_along_axis(values, order, 0)
-
-
-def _by_importance(
-    steps: NDArray[np.uint32], values: NDArray[np.float32]
-) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
-    """What `_by_position` made of a level: positions and values, the largest first."""
-    positions = np.cumsum(steps, 0, dtype=np.uint32)
-    order = np.argsort(-np.abs(values), 0, kind="stable")
-    return np.take_along_axis(positions, order, 0), np.take_along_axis(values, order, 0)
-
-
-def _codes(arrays: dict[str, NDArray[Any]], key: str, qualities: list[int]) -> Codes:
-    levels = [
-        _by_importance(arrays[f"steps_{key}_{quality}"], arrays[f"values_{key}_{quality}"])
-        for quality in qualities
-        if f"values_{key}_{quality}" in arrays
-    ]
+def _codes(
+    arrays: dict[str, NDArray[Any]],
+    description: dict[str, Any],
+    key: str,
+    size: int,
+    qualities: list[int],
+) -> Codes:
+    counts, largest = description["counts"], description["largest"][key]
+    names = [f"codes_{key}_{quality}" for quality in qualities]
+    levels = [unpack(arrays[name], counts[name], size, largest) for name in names if name in arrays]
     positions, values = (np.concatenate(own) for own in zip(*levels, strict=True))
     return Codes(positions, values, arrays[f"members_{key}"][0])
+
+
+def _positions(ensemble: Ensemble, key: str) -> int:
+    """How many positions there are in a patch."""
+    return prod(matrices.shape[2] for matrices in ensemble.dictionaries[key])
 
 
 def _describe_ensemble(ensemble: Ensemble) -> dict[str, Any]:

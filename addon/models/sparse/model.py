@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from ...errors import NacreError
 from ..clustered_tucker import Part, expand
 from .ensemble import Ensemble
+from .packing import value_bytes, values_of
 from .patches import tiling
 from .transform import CHANNELS, Normalisation, to_linear_rgb
 
-COEFFICIENT_BYTES = 4
-"""One for the value, which is one of 255 levels (`Codes.rounded`), and three for its position."""
-
-_LEVELS_AN_OCTAVE = 10
+COEFFICIENT_BYTES = 3
+"""One for the value, which is one of 255, and two for the position (sparse.packing)."""
 
 PATCH_BYTES = 4
 """The dictionary of a patch in one part of the ensemble."""
@@ -38,25 +37,21 @@ class Codes:
     values: NDArray[np.float32]
     members: NDArray[np.uint32]
 
+    @property
+    def largest(self) -> float:
+        """The largest magnitude."""
+        return float(np.abs(self.values).max(initial=0.0))
+
     def first(self, count: int) -> Codes:
         """The `count` most important coefficients of each patch."""
         return replace(self, positions=self.positions[:count], values=self.values[:count])
 
     def rounded(self) -> Codes:
-        """Values of one byte: zero, or one of 127 magnitudes that fall by a tenth of an octave each
-        from the largest on, with a sign. The error is 35 dB below what the coefficients hold."""
-        magnitude = np.abs(self.values)
-        largest = magnitude.max(initial=0.0)
-        if not largest:
-            return self
-        with np.errstate(divide="ignore"):
-            level = np.rint(-_LEVELS_AN_OCTAVE * np.log2(magnitude / largest))
-        level = np.minimum(level, 126.0)  # the least magnitude is the 127th
-        values = np.copysign(largest * np.exp2(-level / _LEVELS_AN_OCTAVE), self.values)
-        values = np.where(magnitude > 0, values, 0.0).astype(np.float32)
+        """With values of one byte (packing.value_bytes)."""
+        values = values_of(value_bytes(self.values, self.largest), self.largest)
         order = np.lexsort((self.positions, -np.abs(values)), 0)  # of equal ones the first position
-        positions, values = (np.take_along_axis(a, order, 0) for a in (self.positions, values))
-        return replace(self, positions=positions, values=values)
+        positions = np.take_along_axis(self.positions, order, 0)
+        return replace(self, positions=positions, values=np.take_along_axis(values, order, 0))
 
 
 @dataclass(frozen=True)
@@ -100,7 +95,7 @@ class SparseBtf:
 
     @property
     def code_bytes(self) -> int:
-        """Values, positions and membership as they are loaded."""
+        """Values, positions and membership as they are packed."""
         return sum(
             codes.values.size * COEFFICIENT_BYTES + len(codes.members) * PATCH_BYTES
             for codes in self.codes.values()

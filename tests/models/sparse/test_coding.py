@@ -53,7 +53,7 @@ def test_sizes_are_those_of_latent_equivalents():
     # SparseBTF(N): at most 2 N bytes a texel for values, positions and membership.
     for quality in (16, 32, 256):
         room = room_of(quality, ("Y", "U", "V"), (10, 10))
-        assert 2 * quality * 100 - 4 < 4 * room + 12 <= 2 * quality * 100
+        assert 2 * quality * 100 - 3 < 3 * room + 12 <= 2 * quality * 100
         assert quality_of({"Y": room - 2, "U": 1, "V": 1}, (10, 10)) == quality
 
 
@@ -181,5 +181,5 @@ def test_a_quality_without_room_is_refused(dataset):
     ensemble = train([dataset], patch=(1, 1), sparsity=dict.fromkeys("YUV", 3))
     with pytest.raises(NacreError) as error:
         code(dataset, ensemble, 2)
-    one_line(error, "Y, U, V", "1 x 1", "quality 12")
-    assert code(dataset, ensemble, 12).sparsity == dict.fromkeys("YUV", 1)
+    one_line(error, "Y, U, V", "1 x 1", "quality 11")
+    assert code(dataset, ensemble, 11).sparsity == dict.fromkeys("YUV", 1)
