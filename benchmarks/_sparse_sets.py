@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from addon.datasets.dataset import Dataset
-from addon.models.sparse.coding import measure
-from addon.models.sparse.ensemble import Ensemble
-from addon.models.sparse.files import load_ensemble, save_ensemble
+from addon.models.sparse.coding import code, measure
+from addon.models.sparse.ensemble import Ensemble, choose
+from addon.models.sparse.files import ensembles_of, load_ensemble, save_ensemble
 from addon.models.sparse.model import SparseBtf
 from addon.models.sparse.training import train
 
+from ._data import materials
 from ._measured import measured
 
 TRAINING = ("studs", "roughhole", "lacquer", "woven_hair", "fibre", "translucent_wax")
@@ -40,6 +41,12 @@ def trained(count: int, folder: Path, directions: str) -> Ensemble:
                       folder=folder, state=state, resume=state.exists())  # fmt: skip
         save_ensemble(found, path)
     return load_ensemble(path)
+
+
+def wool() -> SparseBtf:
+    """The sample in the dictionaries that Nacre comes with, at the highest quality."""
+    dataset = materials(None, ["wool"])["wool"]
+    return code(dataset, choose(ensembles_of([]), dataset), QUALITIES[-1])
 
 
 def error(dataset: Dataset, model: SparseBtf, quality: int) -> float:

@@ -5,7 +5,7 @@ In coefficient space (SparseBTF, Eq. 6) the rows of light and view are filtered;
 3 x 3 measured neighbours of light and view are decoded whole and their colours mixed, as the paper
 does without Eq. 6 (with 2 x 2). A plane fills the picture under suns without shadows; frames are
 drawn in turn, medians of ratios. Fetches are counted by the shaders themselves. Nothing depends on
-what is learned from what: the wool is coded by dictionaries trained on itself.
+what is learned from what: the wool is coded by the dictionaries that Nacre comes with.
 `python -m benchmarks.sparse_display`
 """
 
@@ -16,18 +16,16 @@ from statistics import median
 
 import numpy as np
 
-from addon.models.sparse.coding import code
 from addon.models.sparse.model import SparseBtf
-from addon.models.sparse.training import train
 from addon.preview.context import need_gpu
 from addon.preview.textures import laid_out
 from addon.tables.sparse_tables import build_sparse_tables
 
 from . import nodes
-from ._data import materials
 from ._glsl import Screen
 from ._image_space import ImageSpace
 from ._report import bar, table
+from ._sparse_sets import wool
 from .glsl import engine_frame
 
 AT_LEAST = 3.0
@@ -44,17 +42,10 @@ REPEATS = 5
 
 def main() -> None:
     need_gpu()
-    whole = model()
+    whole = wool()
     print(f"wool, {whole.height} x {whole.width} texels, {len(whole.ensemble.light)} directions")
     interpolation(whole)
     by_coefficients(whole)
-
-
-def model() -> SparseBtf:
-    """The wool at the highest quality."""
-    dataset = materials(None, ["wool"])["wool"]
-    ensemble = train([dataset], dictionaries=4, sweeps=3)
-    return code(dataset, ensemble, max(STEPS))
 
 
 @dataclass(frozen=True)

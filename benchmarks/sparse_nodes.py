@@ -3,7 +3,7 @@
 Beside EEVEE's frames of a Principled BSDF with four image textures, on a plane that fills the
 picture; compiling is the first picture less the next one. Mesa keeps compiled shaders from one run
 to the next: clear its cache to see what compiling takes.
-`python -m benchmarks.sparse_nodes MODEL.exr`
+`python -m benchmarks.sparse_nodes [MODEL.exr]`
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from addon.render.engines import set_engine, use_scripts
 from addon.tables.sparse_tables import build_sparse_tables
 
 from ._report import table
+from ._sparse_sets import wool
 from .nodes import lit_plane, megabytes, nodes_of, principled, seconds
 
 QUALITIES = (4, 16, 64)
@@ -29,9 +30,10 @@ SAMPLES = 3
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("model", type=Path)
-    model = load_sparse(parser.parse_args().model)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.sparse_nodes", description=__doc__)
+    parser.add_argument("model", type=Path, nargs="?", help="default: the sample")
+    path = parser.parse_args().model
+    model = load_sparse(path) if path else wool()
     plain = principled()
     rows = [
         ["N", "coefficients", "images", "suns", "nodes", "compiled in", "EEVEE", "Principled"]
