@@ -17,7 +17,7 @@ class Pca:
         self.mean, self.columns = mean, columns
 
     @classmethod
-    def learned(cls, datasets: Sequence[Dataset], count: int, most: int) -> Pca:
+    def learned(cls, datasets: Sequence[Dataset], count: int, most: int = 600) -> Pca:
         """`count` components of, at most, `most` texels of each dataset: the inner products of all
         of them have to fit into memory."""
         rng = np.random.default_rng(0)

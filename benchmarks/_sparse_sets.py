@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
 from addon.datasets.dataset import Dataset
@@ -11,7 +12,7 @@ from addon.models.sparse.files import ensembles_of, load_ensemble, save_ensemble
 from addon.models.sparse.model import SparseBtf
 from addon.models.sparse.training import train
 
-from ._data import materials
+from ._data import OUT, materials
 from ._measured import measured
 
 TRAINING = ("studs", "roughhole", "lacquer", "woven_hair", "fibre", "translucent_wax")
@@ -31,9 +32,25 @@ def datasets(names: tuple[str, ...], folder: Path, directions: str) -> dict[str,
     return {name: measured(name, folder, directions, texels, samples) for name in names}
 
 
+def parser(program: str, text: str | None) -> argparse.ArgumentParser:
+    """The command line of a benchmark on these materials: their folder."""
+    found = argparse.ArgumentParser(
+        prog=f"python -m benchmarks.{program}",
+        description=text,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    found.add_argument("folder", type=Path, nargs="?", default=OUT / "sparse")
+    return found
+
+
+def ensemble_path(count: int, folder: Path) -> Path:
+    """Where `trained` keeps an ensemble."""
+    return folder / f"ensemble K {count}.exr"
+
+
 def trained(count: int, folder: Path, directions: str) -> Ensemble:
     """The ensemble of `count` dictionaries a part, out of its file where it is there."""
-    path = folder / f"ensemble K {count}.exr"
+    path = ensemble_path(count, folder)
     if not path.is_file():
         side, state = SETS[directions][2], folder / f".ensemble K {count}.training"
         materials = list(datasets(TRAINING, folder, directions).values())

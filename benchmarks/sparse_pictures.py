@@ -9,9 +9,6 @@ from the same materials as the dictionaries, each for two pairs of light and vie
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,25 +17,19 @@ from addon.models.sparse.coding import code
 
 from ._data import OUT
 from ._pca import Pca
-from ._sparse_sets import QUALITIES, TRAINING, UNSEEN, datasets, trained
+from ._sparse_sets import QUALITIES, TRAINING, UNSEEN, datasets, parser, trained
 from .recipes.sheet import write_png
 
 PAIRS = (((45, 0), (30, 180)), ((60, 75), (15, 270)))  # theta, phi of light and view
 DICTIONARIES = 8
-PCA_TEXELS = 600
 SCALE, GAP = 3, 6
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.sparse_pictures", description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
-    parser.add_argument("folder", type=Path, nargs="?", default=OUT / "sparse")
-    folder = parser.parse_args().folder
+    folder = parser("sparse_pictures", __doc__).parse_args().folder
     ensemble = trained(DICTIONARIES, folder, "ubo151")
     materials = list(datasets(TRAINING, folder, "ubo151").values())
-    pca = Pca.learned(materials, 64, PCA_TEXELS)
+    pca = Pca.learned(materials, 64)
     rows = []
     for dataset in datasets(UNSEEN, folder, "ubo151").values():
         model = code(dataset, ensemble, QUALITIES[-1])

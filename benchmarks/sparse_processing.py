@@ -13,7 +13,6 @@ paper's, which is 8 to 1 to 1. MSE of linear values, times 10^4.
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -34,9 +33,8 @@ from addon.models.sparse.subspace import Subspace
 from addon.models.sparse.training import SPARSITY, SUBSPACE
 from addon.models.sparse.transform import OFFSET, Normalisation
 
-from ._data import OUT
 from ._report import table
-from ._sparse_sets import SETS, TRAINING, UNSEEN, datasets
+from ._sparse_sets import SETS, TRAINING, UNSEEN, datasets, parser
 
 CHANNELS = "YUV"
 DICTIONARIES, SWEEPS = 4, 6
@@ -65,12 +63,7 @@ class Processing:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.sparse_processing", description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
-    parser.add_argument("folder", type=Path, nargs="?", default=OUT / "sparse")
-    folder = parser.parse_args().folder
+    folder = parser("sparse_processing", __doc__).parse_args().folder
     learned, unseen = (datasets(names, folder, "ubo151") for names in (TRAINING, UNSEEN))
     rows = []
     for processing in stages():

@@ -16,7 +16,6 @@ that the ensemble was trained on, or from the material itself, where the basis c
 
 from __future__ import annotations
 
-import argparse
 import time
 from pathlib import Path
 
@@ -27,24 +26,17 @@ from addon.models.sparse.ensemble import Ensemble
 from addon.models.sparse.files import load_ensemble
 from addon.models.sparse.model import SparseBtf
 
-from ._data import OUT
 from ._pca import Pca
 from ._report import bar, table
-from ._sparse_sets import QUALITIES, TRAINING, UNSEEN, datasets, error, trained
+from ._sparse_sets import QUALITIES, TRAINING, UNSEEN, datasets, error, parser, trained
 
 DICTIONARIES = (2, 4, 8)
-PCA_TEXELS = 600
-"""Of each material that a basis is learned from: their inner products have to fit into memory."""
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.sparse_quality", description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
-    parser.add_argument("folder", type=Path, nargs="?", default=OUT / "sparse")
-    parser.add_argument("--authors", type=Path, help="folder of the authors' ensembles")
-    options = parser.parse_args()
+    arguments = parser("sparse_quality", __doc__)
+    arguments.add_argument("--authors", type=Path, help="folder of the authors' ensembles")
+    options = arguments.parse_args()
     learned, unseen = (datasets(names, options.folder, "ubo151") for names in (TRAINING, UNSEEN))
     for name, dataset in (learned | unseen).items():
         print(f"{name}: noise floor {dataset.noise_floor_db} dB")
@@ -117,7 +109,7 @@ def print_pca(
     models: dict[tuple[str, str], SparseBtf], materials: list[Dataset], unseen: dict[str, Dataset]
 ) -> None:
     """Table 5: PCA(64), twice the size of SparseBTF(32)."""
-    learned = Pca.learned(materials, 64, PCA_TEXELS)
+    learned = Pca.learned(materials, 64)
     rows, holds = [], True
     for name, dataset in unseen.items():
         found = error(dataset, models["K 8", name], 32)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from addon.models.sparse.files import SHIPPED
 
-from .._sparse_sets import SETS, trained
+from .._sparse_sets import SETS, ensemble_path, trained
 
 DICTIONARIES = 8
 
@@ -32,7 +32,7 @@ def main() -> None:
         folder = options.folder / directions
         ensemble = trained(DICTIONARIES, folder, directions)
         path = SHIPPED / f"{directions}.exr"
-        shutil.copyfile(folder / f"ensemble K {DICTIONARIES}.exr", path)
+        shutil.copyfile(ensemble_path(DICTIONARIES, folder), path)
         print(f"{path.name}: {ensemble.training['patches']} patches, "
               f"{ensemble.training['seconds']:.0f} s")  # fmt: skip
 

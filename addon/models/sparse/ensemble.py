@@ -40,6 +40,10 @@ class Ensemble:
         """The rows of each mode of one part."""
         return tuple(matrices.shape[1] for matrices in self.dictionaries[key])
 
+    def atoms(self, key: str) -> tuple[int, ...]:
+        """The atoms of each mode of one part: as many as rows, but where rows were resampled."""
+        return tuple(matrices.shape[2] for matrices in self.dictionaries[key])
+
     def misfit(self, other: Dataset | Ensemble) -> str:
         """Why the directions are not those of a dataset or ensemble, or "": dictionaries cannot be
         resampled."""

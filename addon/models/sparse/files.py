@@ -30,7 +30,7 @@ QUALITIES = (1, 2, 4, 8, 16, 24, 32, 48, 64, 96, 128, 192, 256)
 """Latent-equivalents at which a file may be cut; the last level is the model's own quality."""
 
 SHIPPED = Path(__file__).parents[2] / "ensembles"
-"""Trained on Nacre's own scenes (benchmarks/recipes/ensembles.py), one for each directions."""
+"""Trained on Nacre's own scenes (benchmarks/recipes/ensembles.py), a file a set of directions."""
 
 _MODES = ("y", "x", "light", "view", "colour")
 
@@ -73,17 +73,18 @@ def save_sparse(model: SparseBtf, path: str | os.PathLike[str]) -> None:
         axes[f"members_{key}"] = ["part", "patch"]
     qualities = [quality for quality in QUALITIES if quality < model.quality] + [model.quality]
     begin, counts = dict.fromkeys(model.codes, 0), {}
-    size = {key: _positions(model.ensemble, key) for key in model.codes}
+    size = {key: prod(model.ensemble.atoms(key)) for key in model.codes}
     for quality in qualities:
         ends = counts_at(model.sparsity, quality, model.ensemble.patch)
         for key, codes in model.codes.items():
             part = slice(begin[key], ends[key])
             if ends[key] > begin[key]:
-                arrays[f"codes_{key}_{quality}"] = pack(
+                name = f"codes_{key}_{quality}"
+                arrays[name] = pack(
                     codes.positions[part], codes.values[part], size[key], codes.largest
                 )
-                axes[f"codes_{key}_{quality}"] = ["patch", "word"]
-                counts[f"codes_{key}_{quality}"] = ends[key] - begin[key]
+                axes[name] = ["patch", "word"]
+                counts[name] = ends[key] - begin[key]
         begin = ends
     description = {
         "kind": "btf",
@@ -184,7 +185,7 @@ def _model(
             raise NacreError(f"{path}: its lowest quality is {whole[0]}, not {quality}")
         ensemble = _ensemble(arrays, description)
         codes = {
-            key: _codes(arrays, description, key, _positions(ensemble, key), wanted)
+            key: _codes(arrays, description, key, prod(ensemble.atoms(key)), wanted)
             for key in description["sparsity"]
         }
         return SparseBtf(
@@ -231,11 +232,6 @@ def _codes(
     levels = [unpack(arrays[name], counts[name], size, largest) for name in names if name in arrays]
     positions, values = (np.concatenate(own) for own in zip(*levels, strict=True))
     return Codes(positions, values, arrays[f"members_{key}"][0])
-
-
-def _positions(ensemble: Ensemble, key: str) -> int:
-    """How many positions there are in a patch."""
-    return prod(matrices.shape[2] for matrices in ensemble.dictionaries[key])
 
 
 def _describe_ensemble(ensemble: Ensemble) -> dict[str, Any]:

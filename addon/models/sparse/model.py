@@ -150,7 +150,7 @@ class SparseBtf:
         values = np.zeros(len(CHANNELS), np.float32)
         for key, codes in self.codes.items():
             dictionaries, member = self.ensemble.dictionaries[key], codes.members[patch]
-            places = np.unravel_index(codes.positions[:, patch], self._sizes(key))
+            places = np.unravel_index(codes.positions[:, patch], self.ensemble.atoms(key))
             product = codes.values[:, patch]
             for row, place, matrices in zip(
                 (y % tall, x % wide, light, view), places, dictionaries, strict=False
@@ -175,7 +175,7 @@ class SparseBtf:
         parts = []
         for key, codes in self.codes.items():
             dictionaries, member = self.ensemble.dictionaries[key], codes.members[index]
-            places = np.unravel_index(codes.positions[:, index], self._sizes(key))
+            places = np.unravel_index(codes.positions[:, index], self.ensemble.atoms(key))
             # Of a mode's atoms a patch uses some.
             used = [np.unique(own, return_inverse=True) for own in places]
             core = np.zeros([len(atoms) for atoms, _ in used], np.float32)
@@ -189,10 +189,6 @@ class SparseBtf:
             found = expand(core, factors)
             parts.append(found if len(key) > 1 else found[..., None])
         return np.concatenate(parts, -1)
-
-    def _sizes(self, key: str) -> tuple[int, ...]:
-        """The atoms of each mode: as many as there are measured rows, also of resampled ones."""
-        return tuple(matrices.shape[2] for matrices in self.ensemble.dictionaries[key])
 
     def truncated(self, quality: int) -> SparseBtf:
         """The model with no more than `quality` latent-equivalents: the most important ones of
