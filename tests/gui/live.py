@@ -31,6 +31,7 @@ from window import (
     import_sample,
     job,
     magenta,
+    make_material,
     picture,
     press,
     redo,
@@ -56,7 +57,7 @@ SETTLED = 3  # cycles until what is made once has been made
 def story() -> Iterator[Wait]:
     yield from import_sample()
     yield from compress("DRAFT")
-    yield from make_material()
+    yield from make_material("01-created")
     yield from move_the_light()
     yield from draw_with_nacre()
     yield from receive_shadows()
@@ -80,18 +81,6 @@ def compress(quality: str) -> Iterator[Wait]:
     yield lambda: job() is None and settings().model_facts != before
     yield 0.3
     check(f"{quality.lower()}: the model is there", settings().model == str(MODEL))
-
-
-def make_material() -> Iterator[Wait]:
-    call(bpy.ops.nacre.create_material)
-    yield lambda: shown() is not None
-    shown().node_tree.nodes["Repeat"].inputs[1].default_value = (6, 3, 1)
-    bpy.ops.ed.undo_push(message="Repeat")
-    show_rendered()
-    yield from settle("01-created")
-    pixels = sphere_pixels(picture("01-created"))
-    check("the sphere is lit and has detail", pixels.mean() > 0.02 and pixels.std() > 0.01)
-    check("nothing is magenta", not magenta(pixels))
 
 
 def move_the_light() -> Iterator[Wait]:

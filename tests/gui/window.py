@@ -213,6 +213,19 @@ def step(
         check(f"{name[3:]}: {what} shows it as it was", difference < SAME)
 
 
+def make_material(name: str) -> Iterator[Wait]:
+    """The model on the sphere, in rendered shading."""
+    call(bpy.ops.nacre.create_material)
+    yield lambda: shown() is not None
+    shown().node_tree.nodes["Repeat"].inputs[1].default_value = (6, 3, 1)
+    bpy.ops.ed.undo_push(message="Repeat")
+    show_rendered()
+    yield from settle(name)
+    pixels = sphere_pixels(picture(name))
+    check("the sphere is lit and has detail", pixels.mean() > 0.02 and pixels.std() > 0.01)
+    check("nothing is magenta", not magenta(pixels))
+
+
 def show_rendered() -> None:
     """Blender opens files in solid shading, whatever they were saved in."""
     viewport()["area"].spaces.active.shading.type = "RENDERED"
